@@ -6,7 +6,7 @@ which may slide on its carrier i-. Plane vectors are complex numbers x + j y.
 """
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from math import inf
 from typing import Mapping, Optional
@@ -81,3 +81,12 @@ class Chain:
     def joint_count(self) -> int:
         """Number of joints, the length of every joint array."""
         return len(self.joints)
+
+    @cached_property
+    def plan(self):
+        """What this chain needs and what is skipped, and the kernel's model of it (plan.py)."""
+        from .plan import make_plan
+        return make_plan(self)
+
+    def __getstate__(self):
+        return {entry.name: getattr(self, entry.name) for entry in fields(self)}  # what is cached is made again

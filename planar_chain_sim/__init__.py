@@ -1,0 +1,34 @@
+"""
+planar_chain_sim: planar chains and trees of rigid bodies by Arczewski's path-matrix equations of motion.
+
+The map: data in `chain` and `chain_yaml`; topology S, P, M in `path_matrix`; (5.87) and (5.88) in `equations_of_motion`; laws of
+joint effort in `joint_forces`; (5.65) and (5.72) in `invariants`; the O(n) recursion in `kernel/recursive.hpp`; methods in
+`integrators`; time in `simulation`; logs in `recording`; everything that needs ROS in `ros`.
+
+Names are loaded when first used, so that an executable's first statement can be its signal handlers.
+"""
+from importlib import import_module
+
+__version__ = '0.1.0'
+
+_HOME = {
+    'BASE': 'chain', 'Body': 'chain', 'Chain': 'chain', 'ChainError': 'chain', 'Joint': 'chain',
+    'chain_from_dict': 'chain_yaml', 'load_chain': 'chain_yaml',
+    'energy': 'dynamics', 'forward_dynamics': 'dynamics', 'inverse_dynamics': 'dynamics', 'mass_matrix': 'dynamics',
+    'METHODS': 'integrators',
+    'Checkpoint': 'simulation', 'Simulation': 'simulation',
+    'SimulationError': 'dynamics',
+    'Run': 'simulation', 'rollout': 'simulation',
+}
+__all__ = ['__version__', *_HOME]
+
+
+def __getattr__(name):
+    if name not in _HOME:
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    value = globals()[name] = getattr(import_module(f'{__name__}.{_HOME[name]}'), name)
+    return value
+
+
+def __dir__():
+    return sorted({*globals(), *_HOME})

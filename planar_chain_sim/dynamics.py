@@ -1,0 +1,85 @@
+"""Forward and inverse dynamics, mass matrix and energy of a chain at one state: the border where arguments are checked."""
+from __future__ import annotations
+
+import numpy as np
+
+from . import equations_of_motion
+from .chain import Chain
+
+FORMS = ('reference', 'recursive', 'auto')
+
+
+class SimulationError(RuntimeError):
+    """
+    A state that ran away or met a singular configuration: one sentence, and where it stopped.
+
+    `time` s, `tick`, `joint` (name), `position` and `velocity` (joints,): the last good state; None where there is no simulation.
+    """
+
+    def __init__(self, message, *, joint=None, time=None, tick=None, position=None, velocity=None):
+        super().__init__(message)
+        self.joint, self.time, self.tick, self.position, self.velocity = joint, time, tick, position, velocity
+
+
+def joint_array(name: str, values, shape: tuple) -> np.ndarray:
+    """`values` as finite C-ordered float64 of the wanted shape; ValueError names argument, got and wanted."""
+    try:
+        array = np.ascontiguousarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f'{name} must be numbers of shape {shape}, got {values!r:.80}') from None
+    if array.shape != shape:
+        raise ValueError(f'{name} has shape {array.shape}, must have {shape}')
+    if not np.isfinite(array).all():
+        where = tuple(int(k) for k in np.argwhere(~np.isfinite(array))[0])
+        raise ValueError(f'{name}{list(where)} is {array[where]}, must be finite')
+    return array
+
+
+def check_form(form: str) -> str:
+    """Resolve `auto`; ValueError names the forms there are."""
+    if form not in FORMS:
+        raise ValueError(f'form is {form!r}, must be one of {", ".join(map(repr, FORMS))}')
+    return 'recursive' if form == 'auto' else form
+
+
+def _joint_arrays(chain: Chain, **arrays):
+    return [joint_array(name, values, (chain.joint_count,)) for name, values in arrays.items()]
+
+
+def forward_dynamics(chain: Chain, position, velocity, effort, form: str = 'auto') -> np.ndarray:
+    """
+    Joint accelerations (joints,), rad/s^2 or m/s^2, under joint efforts in N m or N.
+
+    Gravity, damping, springs and the friction of moving joints act; the effort is not clamped and stops are not known.
+    `form`: 'recursive', the O(n) elimination of equations.md 6.2 and 6.3, or 'reference', (5.87) and (5.88) as matrices.
+    ValueError: bad shape, non-finite value, unknown form. SimulationError: singular configuration, names the joint.
+    """
+    position, velocity, effort = _joint_arrays(chain, position=position, velocity=velocity, effort=effort)
+    acceleration, joint = chain.plan.model.forward_dynamics(position, velocity, effort)
+    if joint < 0 and check_form(form) == 'reference':
+        acceleration = equations_of_motion.forward_dynamics(chain, position, velocity, effort)
+    if joint >= 0 or not np.isfinite(acceleration).all():
+        name = chain.joint_names[joint if joint >= 0 else int(np.argmin(np.isfinite(acceleration)))]
+        why = 'the configuration is singular' if joint >= 0 else 'the acceleration is not finite'
+        raise SimulationError(f"joint '{name}' of {chain.name}: {why}", joint=name, position=position, velocity=velocity)
+    return acceleration
+
+
+def inverse_dynamics(chain: Chain, position, velocity, acceleration) -> np.ndarray:
+    """
+    Efforts (joints,), N m or N, that give these accelerations: the exact inverse of forward_dynamics (equations.md 6.1).
+
+    ValueError: bad shape or non-finite value.
+    """
+    arrays = _joint_arrays(chain, position=position, velocity=velocity, acceleration=acceleration)
+    return chain.plan.model.inverse_dynamics(*arrays)
+
+
+def mass_matrix(chain: Chain, position) -> np.ndarray:
+    """H (joints, joints) in joint coordinates, armature included; columns by equations.md 6.1. ValueError as above."""
+    return chain.plan.model.mass_matrix(*_joint_arrays(chain, position=position))
+
+
+def energy(chain: Chain, position, velocity) -> tuple[float, float]:
+    """Kinetic energy T with armature and potential energy V = -sum m g . r + springs, J (equations.md 6.1). ValueError as above."""
+    return chain.plan.model.energy(*_joint_arrays(chain, position=position, velocity=velocity))

@@ -1,0 +1,218 @@
+// The border between Python and the kernel: NumPy arrays that Python has checked in, status codes out, the GIL released.
+#include <pybind11/complex.h>
+#include <pybind11/numpy.h>
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+
+#include <complex>
+#include <optional>
+#include <tuple>
+
+#include "chain.hpp"
+#include "integrators.hpp"
+#include "joint_forces.hpp"
+#include "recursive.hpp"
+#include "rollout.hpp"
+#include "trigonometry.hpp"
+
+namespace py = pybind11;
+namespace pc = planar_chain;
+
+using Array = py::array_t<double, py::array::c_style>;
+using Ints = py::array_t<int, py::array::c_style>;
+
+namespace {
+
+Array make_array(const std::vector<double>& values) {
+  return Array(static_cast<py::ssize_t>(values.size()), values.data());
+}
+
+// Const data of one chain plus a workspace for single evaluations (used under the GIL only).
+class Model {
+ public:
+  Model(const Ints& topology, const Array& constants, std::tuple<double, double> gravity, int joint_count) {
+    const auto t = topology.unchecked<2>();   // carrier slot, slide joint, rotation joint
+    const auto c = constants.unchecked<2>();  // the columns in the order they are read below
+    chain_.joint_count = joint_count;
+    chain_.gravity_x = std::get<0>(gravity);
+    chain_.gravity_y = std::get<1>(gravity);
+    chain_.links.resize(static_cast<std::size_t>(t.shape(0)) + 1);
+    for (py::ssize_t i = 0; i < t.shape(0); ++i) {
+      pc::Link& link = chain_.links[static_cast<std::size_t>(i) + 1];
+      link.carrier = t(i, 0), link.slide = t(i, 1), link.rotation = t(i, 2);
+      double* const fields[] = {&link.sign, &link.mass, &link.outboard_mass, &link.moment_x, &link.moment_y,
+                                &link.inertia, &link.offset_x, &link.offset_y, &link.axis_x, &link.axis_y,
+                                &link.rotor, &link.slide_armature};
+      py::ssize_t column = 0;
+      for (double* field : fields) *field = c(i, column++);
+    }
+    recursion_.emplace(chain_);
+    effort_.resize(static_cast<std::size_t>(joint_count));
+  }
+  Model(const Model&) = delete;
+
+  const pc::Chain& chain() const { return chain_; }
+  pc::JointForces forces;
+
+  std::pair<Array, int> forward_dynamics(const Array& position, const Array& velocity, const Array& effort) {
+    Array acceleration(chain_.joint_count);
+    std::copy(effort.data(), effort.data() + chain_.joint_count, effort_.begin());
+    forces.add_passive(position.data(), velocity.data(), effort_.data());
+    const int joint = recursion_->forward(position.data(), velocity.data(), effort_.data(), acceleration.mutable_data());
+    return {acceleration, joint};
+  }
+
+  // The same evaluation in a compiled loop, each from a slightly different angle, for timing alone.
+  double evaluate_repeatedly(const Array& position, const Array& velocity, const Array& effort, std::int64_t count) {
+    std::vector<double> q(position.data(), position.data() + chain_.joint_count), acceleration(effort_.size());
+    std::copy(effort.data(), effort.data() + chain_.joint_count, effort_.begin());
+    double sum = 0.0;
+    py::gil_scoped_release release;
+    for (std::int64_t k = 0; k < count; ++k) {
+      q[0] += 1e-9;
+      recursion_->forward(q.data(), velocity.data(), effort_.data(), acceleration.data());
+      sum += acceleration[0];
+    }
+    return sum;
+  }
+
+  Array inverse_dynamics(const Array& position, const Array& velocity, const Array& acceleration) {
+    Array effort(chain_.joint_count);
+    recursion_->inverse(position.data(), velocity.data(), acceleration.data(), true, effort.mutable_data());
+    std::fill(effort_.begin(), effort_.end(), 0.0);
+    forces.add_passive(position.data(), velocity.data(), effort_.data());
+    for (int i = 0; i < chain_.joint_count; ++i) effort.mutable_data()[i] -= effort_[static_cast<std::size_t>(i)];
+    return effort;
+  }
+
+  // Column j is the effort of a unit acceleration of joint j, at rest and without gravity.
+  Array mass_matrix(const Array& position) {
+    const int n = chain_.joint_count;
+    Array matrix({n, n});
+    std::vector<double> zero(effort_.size()), unit(effort_.size());
+    for (int j = 0; j < n; ++j) {
+      unit[static_cast<std::size_t>(j)] = 1.0;
+      recursion_->inverse(position.data(), zero.data(), unit.data(), false, effort_.data());
+      unit[static_cast<std::size_t>(j)] = 0.0;
+      for (int i = 0; i < n; ++i) matrix.mutable_at(i, j) = effort_[static_cast<std::size_t>(i)];
+    }
+    for (int j = 0; j < n; ++j)  // equal up to rounding: make it exactly symmetric
+      for (int i = 0; i < j; ++i) matrix.mutable_at(j, i) = matrix.at(i, j);
+    return matrix;
+  }
+
+  std::pair<double, double> energy(const Array& position, const Array& velocity) {
+    double kinetic, potential;
+    recursion_->energy(position.data(), velocity.data(), kinetic, potential);
+    return {kinetic, potential + forces.spring_energy(position.data())};
+  }
+
+ private:
+  pc::Chain chain_;
+  std::optional<pc::Recursion> recursion_;
+  std::vector<double> effort_;
+};
+
+// State, method and workspace of one simulation. Ticks are counted by Python.
+class Stepper {
+ public:
+  Stepper(const Model& model, int stages, std::vector<double> a, std::vector<double> b, double step)
+      : forces_(model.forces), state_(model.chain().joint_count), effort_(state_.position.size()),
+        latched_(state_.position.size()),
+        method_(model.chain(), forces_, pc::ButcherTableau{stages, std::move(a), std::move(b)}, step) {}
+  Stepper(const Stepper&) = delete;
+
+  // Returns (ticks done, outcome, joint). `record` is None or arrays (position, velocity, effort) with a row per tick.
+  std::tuple<std::int64_t, int, int> advance(std::int64_t ticks, const Array& effort,
+                                             std::optional<std::tuple<Array, Array, Array>> record) {
+    const bool held = effort.ndim() == 1;
+    const pc::Efforts efforts{effort.data(), held ? 0 : state_.position.size()};
+    pc::Record rows;
+    if (record)
+      rows = {std::get<0>(*record).mutable_data(), std::get<1>(*record).mutable_data(),
+              std::get<2>(*record).mutable_data()};
+    py::gil_scoped_release release;
+    const pc::Progress progress = pc::roll(method_, forces_, state_, ticks, efforts, rows, effort_, latched_);
+    evaluations_ += method_.stages() * (progress.ticks + (progress.outcome != pc::Outcome::good));
+    return {progress.ticks, static_cast<int>(progress.outcome), progress.joint};
+  }
+
+  void set_state(const Array& position, const Array& velocity) {
+    std::copy(position.data(), position.data() + position.size(), state_.position.begin());
+    std::copy(velocity.data(), velocity.data() + velocity.size(), state_.velocity.begin());
+    std::fill(state_.position_remainder.begin(), state_.position_remainder.end(), 0.0);
+    std::fill(state_.velocity_remainder.begin(), state_.velocity_remainder.end(), 0.0);
+  }
+
+  py::tuple save() const {
+    return py::make_tuple(make_array(state_.position), make_array(state_.velocity),
+                          make_array(state_.position_remainder), make_array(state_.velocity_remainder),
+                          make_array(effort_));
+  }
+
+  void load(const Array& position, const Array& velocity, const Array& position_remainder,
+            const Array& velocity_remainder, const Array& effort) {
+    set_state(position, velocity);
+    std::copy(position_remainder.data(), position_remainder.data() + position_remainder.size(),
+              state_.position_remainder.begin());
+    std::copy(velocity_remainder.data(), velocity_remainder.data() + velocity_remainder.size(),
+              state_.velocity_remainder.begin());
+    std::copy(effort.data(), effort.data() + effort.size(), effort_.begin());
+  }
+
+  Array position() const { return make_array(state_.position); }
+  Array velocity() const { return make_array(state_.velocity); }
+  Array effort() const { return make_array(effort_); }
+  std::int64_t evaluations() const { return evaluations_; }
+
+ private:
+  const pc::JointForces& forces_;
+  pc::JointState state_;
+  std::vector<double> effort_, latched_;
+  pc::ExplicitRungeKutta method_;
+  std::int64_t evaluations_ = 0;
+};
+
+}  // namespace
+
+PYBIND11_MODULE(_kernel, module) {
+  module.doc() = "Compiled twin of equations_of_motion.py and joint_forces.py; arrays must be checked by the caller.";
+  module.def("unit_vector", [](double angle) {
+    double sine, cosine;
+    pc::sine_cosine(angle, sine, cosine);
+    return std::complex<double>(cosine, sine);
+  });
+#ifdef __VERSION__
+  module.attr("compiler") = __VERSION__;
+#else
+  module.attr("compiler") = "unknown compiler";
+#endif
+
+  py::class_<Model>(module, "Model")
+      .def(py::init<const Ints&, const Array&, std::tuple<double, double>, int>())
+      .def("add_damper", [](Model& m, int joint, double damping) { m.forces.dampers.push_back({joint, damping}); })
+      .def("add_spring", [](Model& m, int joint, double stiffness, double rest) {
+        m.forces.springs.push_back({joint, stiffness, rest});
+      })
+      .def("add_friction", [](Model& m, int joint, double friction) { m.forces.frictions.push_back({joint, friction}); })
+      .def("add_limit", [](Model& m, int joint, double limit) { m.forces.limits.push_back({joint, limit}); })
+      .def("add_stop", [](Model& m, int joint, double lower, double upper) {
+        m.forces.stops.push_back({joint, lower, upper});
+      })
+      .def("forward_dynamics", &Model::forward_dynamics)
+      .def("evaluate_repeatedly", &Model::evaluate_repeatedly)
+      .def("inverse_dynamics", &Model::inverse_dynamics)
+      .def("mass_matrix", &Model::mass_matrix)
+      .def("energy", &Model::energy);
+
+  py::class_<Stepper>(module, "Stepper")
+      .def(py::init<const Model&, int, std::vector<double>, std::vector<double>, double>(), py::keep_alive<1, 2>())
+      .def("advance", &Stepper::advance)
+      .def("set_state", &Stepper::set_state)
+      .def("save", &Stepper::save)
+      .def("load", &Stepper::load)
+      .def_property_readonly("position", &Stepper::position)
+      .def_property_readonly("velocity", &Stepper::velocity)
+      .def_property_readonly("effort", &Stepper::effort)
+      .def_property_readonly("evaluations", &Stepper::evaluations);
+}

@@ -1,0 +1,81 @@
+"""The plan: what a chain needs, what is skipped, and the kernel model made for it, once, when the chain is loaded."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Optional
+
+import numpy as np
+
+from . import _kernel
+from .chain import Chain
+from .joint_forces import JOINT_FORCES, has_stop, teach_kernel
+from .path_matrix import merge_welded
+
+
+@dataclass(frozen=True)
+class Plan:
+    """`model`: the kernel's const data; `used` and `skipped`: features of the scene; str() is the one line a start-up log prints."""
+
+    model: object
+    links: int
+    joints: int
+    used: tuple[str, ...]
+    skipped: tuple[str, ...]
+
+    def __str__(self):
+        return (f'{self.links} links, {self.joints} joints, O(n) recursion; uses {", ".join(self.used) or "nothing more"}; '
+                f'skips {", ".join(self.skipped) or "nothing"}')
+
+
+def _kernel_model(chain: Chain, links) -> object:
+    """Hand the merged links to the kernel; M_i of (5.60) is summed from the leaves."""
+    index = {joint.name: k for k, joint in enumerate(chain.joints)}
+    outboard = [0.0] * (len(links) + 1)
+    for slot in range(len(links), 0, -1):
+        outboard[slot] += links[slot - 1].mass
+        outboard[links[slot - 1].carrier] += outboard[slot]
+    topology = np.array([
+        (link.carrier, index[link.slide.name] if link.slide else -1, index[link.rotation.name] if link.rotation else -1)
+        for link in links], dtype=np.int32).reshape(len(links), 3)
+    constants = np.array([
+        (link.rotation.axis if link.rotation else 1.0, link.mass, outboard[slot], link.moment.real, link.moment.imag, link.inertia,
+         link.offset.real, link.offset.imag, link.slide_axis.real, link.slide_axis.imag,
+         link.rotation.armature if link.rotation else 0.0, link.slide.armature if link.slide else 0.0)
+        for slot, link in enumerate(links, start=1)]).reshape(len(links), 12)
+    model = _kernel.Model(topology, constants, (chain.gravity.real, chain.gravity.imag), chain.joint_count)
+    teach_kernel(model, chain)
+    return model
+
+
+def make_plan(chain: Chain) -> Plan:
+    """Merge, list features, build the kernel's model. `Chain.plan` keeps the result."""
+    links = merge_welded(chain)
+    features = {
+        'slides': any(link.slide for link in links),
+        'branches': len({link.carrier for link in links}) < len(links),
+        'gravity': chain.gravity != 0,
+        'armature': any(joint.armature > 0.0 for joint in chain.joints),
+        **{law.name: any(map(law.acts_on, chain.joints)) for law in JOINT_FORCES},
+        'effort limits': any(joint.effort_limit < float('inf') for joint in chain.joints),
+        'stops': any(map(has_stop, chain.joints)),
+    }
+    welded = len(chain.bodies) - len(links)
+    return Plan(_kernel_model(chain, links), len(links), chain.joint_count,
+                tuple(name for name, present in features.items() if present) + ((f'{welded} welded bodies merged',) if welded else ()),
+                tuple(name for name, present in features.items() if not present))
+
+
+def singular_joint(chain: Chain) -> Optional[str]:
+    """
+    Name of a joint whose pivot vanishes at every one of a few fixed irregular configurations, else None (equations.md 7).
+
+    Pivots are analytic in q, so a pivot that is zero at all of them is zero everywhere: the chain has no motion to compute.
+    """
+    count = chain.joint_count
+    zero, joint = np.zeros(count), -1
+    for trial in range(1, 5):
+        position = np.sin(1.0 + 2.399963 * trial * np.arange(1, count + 1)) * (0.7 + 0.2 * trial)
+        joint = chain.plan.model.forward_dynamics(position, zero, zero)[1]
+        if joint < 0:
+            return None
+    return chain.joint_names[joint]

@@ -1,0 +1,203 @@
+"""Simulation: a chain in time. State, ticks and efforts; no clock, no ROS. Same chain, method, step and efforts: same bits."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Optional
+
+import numpy as np
+
+from . import _kernel
+from .chain import Chain
+from .dynamics import SimulationError, check_form, forward_dynamics, joint_array
+from .integrators import AUTO, METHODS
+
+# Outcomes of the kernel's step, in the order of `enum class Outcome` (kernel/integrators.hpp).
+_WHY = (None, 'the configuration is singular', 'the state ran away and would not be finite',
+        'the joint reached a stop, which this version does not simulate yet')
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """Everything that decides how a simulation goes on: its tick and the kernel's state, hidden round-off terms included."""
+
+    tick: int
+    state: tuple
+
+
+def initial_state(chain: Chain) -> tuple[np.ndarray, np.ndarray]:
+    """`position` and `velocity` of the chain file, (joints,) each."""
+    return (np.array([joint.position for joint in chain.joints], dtype=np.float64),
+            np.array([joint.velocity for joint in chain.joints], dtype=np.float64))
+
+
+def resolve_method(method: str, tolerance: Optional[float]):
+    """Row of METHODS for a name or 'auto'; ValueError for an unknown one, or a tolerance that no method here can use."""
+    if method != 'auto' and method not in METHODS:
+        raise ValueError(f"method is {method!r}, must be 'auto' or one of {', '.join(map(repr, METHODS))}")
+    row = METHODS[AUTO if method == 'auto' else method]
+    if tolerance is not None and not row.adaptive:
+        raise ValueError(f'tolerance is {tolerance!r}, must be None: method {row.name!r} has a fixed step')
+    return row
+
+
+class Simulation:
+    """
+    A chain that moves tick by tick: tick k is at k * step, the effort is constant within a tick.
+
+    `step` s; `tolerance` belongs to adaptive methods; `form` as in forward_dynamics (the kernel integrates the recursive form).
+    ValueError: bad method, step, tolerance or form; a chain with Coulomb friction, whose sticking is not simulated yet.
+    """
+
+    def __init__(self, chain: Chain, method: str = 'auto', step: float = 1e-3, tolerance: Optional[float] = None,
+                 form: str = 'auto'):
+        if not (isinstance(step, (int, float, np.floating)) and np.isfinite(step) and step > 0):
+            raise ValueError(f'step is {step!r}, must be a positive finite number of seconds')
+        if check_form(form) != 'recursive':
+            raise ValueError(f"form is {form!r}, must be 'auto' or 'recursive': only compiled forms are integrated")
+        sticky = next((joint.name for joint in chain.joints if joint.friction > 0.0), None)
+        if sticky is not None:
+            raise ValueError(f"joint '{sticky}' of {chain.name} has `friction`, whose sticking this version does not simulate yet")
+        self.chain, self.step, self.form = chain, float(step), 'recursive'
+        self._row = resolve_method(method, tolerance)
+        self.method, self.tolerance = self._row.name, tolerance
+        self._asked = method
+        self._zero = np.zeros(chain.joint_count)
+        self._stepper = _kernel.Stepper(chain.plan.model, len(self._row.b), [x for row in self._row.a for x in row],
+                                        list(self._row.b), self.step)
+        self._tick = 0
+        self._stepper.set_state(*initial_state(chain))
+
+    @property
+    def tick(self) -> int:
+        """Ticks done since the start."""
+        return self._tick
+
+    @property
+    def time(self) -> float:
+        """Simulated time, s: tick * step."""
+        return self._tick * self.step
+
+    @property
+    def position(self) -> np.ndarray:
+        """Joint positions (joints,), rad or m, never wrapped."""
+        return self._stepper.position
+
+    @property
+    def velocity(self) -> np.ndarray:
+        """Joint velocities (joints,), rad/s or m/s."""
+        return self._stepper.velocity
+
+    @property
+    def effort(self) -> np.ndarray:
+        """Actuator efforts (joints,) that acted over the last tick, after clamping, N m or N; zero before the first."""
+        return self._stepper.effort
+
+    @property
+    def acceleration(self) -> np.ndarray:
+        """Joint accelerations (joints,) at this state under `effort`, computed when asked for, rad/s^2 or m/s^2."""
+        return forward_dynamics(self.chain, self.position, self.velocity, self.effort)
+
+    @property
+    def statistics(self) -> dict:
+        """Counts since the start: evaluations, steps, rejected steps, events."""
+        return {'evaluations': self._stepper.evaluations, 'steps': self._stepper.evaluations // len(self._row.b),
+                'rejected_steps': 0, 'events': 0}
+
+    @property
+    def plan(self) -> str:
+        """What this scene needs and what is skipped, the method and form chosen and why, on one line."""
+        why = ' (auto: fixed step, nothing adaptive in this version)' if self._asked == 'auto' else ''
+        return f'{self.chain.plan}; method {self.method}{why}, order {self._row.order}, step {self.step:g} s; form {self.form}'
+
+    def set_state(self, position, velocity) -> None:
+        """Put joint positions and velocities (joints,); time is unchanged, hidden round-off terms are cleared. ValueError: bad arrays."""
+        shape = (self.chain.joint_count,)
+        self._stepper.set_state(joint_array('position', position, shape), joint_array('velocity', velocity, shape))
+
+    def advance(self, ticks: int, effort=None) -> None:
+        """
+        Go on for `ticks` ticks under `effort`: (joints,) is held, (ticks, joints) is a row per tick, None is zero. N m or N.
+
+        ValueError: bad count, shape or value, before anything moves. SimulationError: singular or not finite; the last good
+        state stays.
+        """
+        self._advance(ticks, effort, None)
+
+    def advance_to(self, time: float, effort=None) -> None:
+        """Go on to `time` s, a whole number of ticks away and not backwards, else ValueError; `effort` as in advance."""
+        if not np.isfinite(time):
+            raise ValueError(f'time is {time!r}, must be finite')
+        tick = round(time / self.step)
+        if abs(tick * self.step - time) > 1e-9 * self.step + 4.0 * np.spacing(abs(time)):
+            raise ValueError(f'time is {time!r}, must be a whole number of steps of {self.step!r} s')
+        if tick < self._tick:
+            raise ValueError(f'time is {time!r}, must not lie before the present {self.time!r}')
+        self.advance(tick - self._tick, effort)
+
+    def checkpoint(self) -> Checkpoint:
+        """Everything, hidden round-off terms included: going on from it gives the same bits."""
+        return Checkpoint(self._tick, self._stepper.save())
+
+    def restore(self, saved: Checkpoint) -> None:
+        """Go back to a checkpoint of a simulation of the same chain; ValueError if it is of another size."""
+        if saved.state[0].shape != self._zero.shape:
+            raise ValueError(f'checkpoint has {saved.state[0].size} joints, must have {self._zero.size}')
+        self._stepper.load(*saved.state)
+        self._tick = saved.tick
+
+    def _advance(self, ticks, effort, record) -> None:
+        if not isinstance(ticks, (int, np.integer)) or isinstance(ticks, bool) or ticks < 0:
+            raise ValueError(f'ticks is {ticks!r}, must be a whole number >= 0')
+        if effort is None:
+            effort = self._zero
+        else:
+            joints = self.chain.joint_count
+            effort = joint_array('effort', effort, (joints,) if np.ndim(effort) == 1 else (ticks, joints))
+        done, outcome, joint = self._stepper.advance(ticks, effort, record)
+        self._tick += done
+        if outcome:
+            name = self.chain.joint_names[joint]
+            raise SimulationError(
+                f"joint '{name}' of {self.chain.name} at tick {self._tick}, t = {self.time!r} s: {_WHY[outcome]}; "
+                'the last good state is kept', joint=name, time=self.time, tick=self._tick,
+                position=self.position, velocity=self.velocity)
+
+
+@dataclass(frozen=True)
+class Run:
+    """A rollout: `time` (ticks+1,) s; `position`, `velocity` (ticks+1, joints); `effort` (ticks, joints), as it acted."""
+
+    time: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+    effort: np.ndarray
+
+
+def rollout(chain: Chain, duration: float, step: float = 1e-3, method: str = 'auto', effort=None,
+            tolerance: Optional[float] = None, form: str = 'auto') -> Run:
+    """
+    Simulate `duration` s from the chain's initial state.
+
+    `effort`: None, (joints,) held, (ticks, joints) a row per tick, or a callable (time, position, velocity) -> (joints,) once
+    per tick. ValueError: bad arguments, a duration that is no whole number of steps. SimulationError as in Simulation.advance.
+    """
+    simulation = Simulation(chain, method, step, tolerance, form)
+    ticks, joints = whole_ticks(duration, simulation.step), chain.joint_count
+    position, velocity = np.empty((ticks + 1, joints)), np.empty((ticks + 1, joints))
+    acted = np.empty((ticks, joints))
+    position[0], velocity[0] = simulation.position, simulation.velocity
+    if callable(effort):
+        for k in range(ticks):
+            wanted = effort(simulation.time, position[k].copy(), velocity[k].copy())
+            simulation._advance(1, wanted, (position[k + 1:k + 2], velocity[k + 1:k + 2], acted[k:k + 1]))
+    else:
+        simulation._advance(ticks, effort, (position[1:], velocity[1:], acted))
+    return Run(np.arange(ticks + 1) * simulation.step, position, velocity, acted)
+
+
+def whole_ticks(duration: float, step: float) -> int:
+    """`duration` / `step` where that is a whole number >= 0, else ValueError."""
+    ticks = round(duration / step) if np.isfinite(duration) else -1
+    if ticks < 0 or abs(ticks * step - duration) > 1e-9 * step + 4.0 * np.spacing(abs(duration)):
+        raise ValueError(f'duration is {duration!r} s, must be a whole number >= 0 of steps of {step!r} s')
+    return ticks
