@@ -1,0 +1,182 @@
+"""
+The keys of a chain file, what each must be, and which bodies are possible: plain data -> Chain.
+
+Mappings, lists, texts and numbers come in, as `chain_yaml` reads them or a program makes them; a frozen Chain comes
+out, or one ChainError sentence.
+"""
+from __future__ import annotations
+
+from math import inf, isfinite
+from typing import Optional
+
+from .chain import BASE, Body, Chain, Joint
+from .chain_section import MISSING, Section, clipped, plain, shown, suggestion
+
+CHAIN_KEYS = ('name', 'gravity', 'bodies')
+BODY_KEYS = ('name', 'carrier', 'origin', 'angle', 'mass', 'center_of_mass', 'inertia', 'inertia_com', 'slide',
+             'rotation', 'visual')
+JOINT_NUMBERS = {  # key: (default, least value, unit of a slide, unit of a rotation)
+    'damping': (0.0, 0.0, 'N s/m', 'N m s/rad'),
+    'stiffness': (0.0, 0.0, 'N/m', 'N m/rad'),
+    'rest': (0.0, None, 'm', 'rad'),
+    'friction': (0.0, 0.0, 'N', 'N m'),
+    'armature': (0.0, 0.0, 'kg', 'kg m^2'),
+    'effort_limit': (inf, 0.0, 'N', 'N m'),
+    'lower': (-inf, None, 'm', 'rad'),
+    'upper': (inf, None, 'm', 'rad'),
+    'position': (0.0, None, 'm', 'rad'),
+    'velocity': (0.0, None, 'm/s', 'rad/s'),
+}
+JOINT_KEYS = ('joint', 'axis', *JOINT_NUMBERS)
+GRAVITY = complex(0.0, -9.81)
+POINT_MASS = 1e-9     # relative: an inertia that falls short of m c^2 by less is rounding, the body is a point mass
+ROUNDING = 1e-15      # relative: the same for an inertia above m c^2, where only the last bits can be doubted
+
+
+def build_chain(data, file: str, source: str) -> Chain:
+    """
+    Return the chain that plain data describes, checked; ChainError otherwise.
+
+    `file` names the text in sentences ('' for data that is no text), `source` becomes `Chain.source`.
+    """
+    top = Section(data, file)
+    top.refuse_unknown_keys(CHAIN_KEYS)
+    name = top.text('name', default='chain')
+    gravity = top.vector('gravity', GRAVITY, 'm/s^2')
+    entries = data.get('bodies', MISSING)
+    if not isinstance(entries, list) or not entries:
+        top.fail('bodies', f'is {shown(entries)}, must be a list of at least one body')
+
+    indices = {'base': BASE}   # body name -> index
+    owners = {}                # joint name -> body name
+    bodies, sections = [], []
+    for index, entry in enumerate(entries):
+        if not isinstance(entry, dict):
+            top.fail('bodies', f'has {shown(entry)} as entry {index}, must be a list of mappings')
+        name = entry.get('name')
+        label = f"body '{clipped(name)}' " if isinstance(name, str) else f'bodies[{index}] '
+        section = Section(entry, file, f'bodies[{index}]', label)
+        bodies.append(read_body(section, entries, indices, owners))
+        sections.append(section)
+        indices[bodies[-1].name] = index
+    if not owners:
+        top.fail('bodies', "has no joint, must have a body with 'slide' or 'rotation'")
+    chain = Chain(name, gravity, tuple(bodies), source)
+    refuse_singular(chain, sections)
+    return chain
+
+
+def read_body(section, entries, indices, owners) -> Body:
+    """Return one body; `indices` and `owners` know the bodies and joints before it."""
+    section.refuse_unknown_keys(BODY_KEYS, JOINT_KEYS, "under 'slide' or 'rotation'")
+    name = section.text('name', wanted='the name of the body, a text')
+    if name in indices:
+        taken = "the reserved name of the chain's foot" if name == 'base' else 'the name of an earlier body'
+        section.fail('name', f'is {shown(name)}, {taken}, must be a name of its own')
+    carrier = read_carrier(section, name, entries, indices)
+    mass, center_of_mass, inertia, inertia_com = read_mass(section)
+    slide = read_joint(section, 'slide', name, owners)
+    rotation = read_joint(section, 'rotation', name, owners)
+    visual = section.data.get('visual')
+    if visual is not None and not isinstance(visual, dict):
+        section.fail('visual', f'is {shown(visual)}, must be a mapping')
+    return Body(name=name, carrier=carrier, origin=section.vector('origin', 0j, 'm'),
+                angle=section.number('angle', 0.0, 'rad'), mass=mass, center_of_mass=center_of_mass, inertia=inertia,
+                inertia_com=inertia_com, slide=slide, rotation=rotation, visual=plain(visual) if visual else {})
+
+
+def read_carrier(section, name, entries, indices) -> int:
+    """Return the index of the body's carrier, an earlier body or BASE."""
+    carrier = section.text('carrier', wanted="'base' or the name of an earlier body")
+    if carrier in indices:
+        return indices[carrier]
+    names = [entry['name'] for entry in entries if isinstance(entry, dict) and isinstance(entry.get('name'), str)]
+    if carrier == name:
+        problem = 'the body itself'
+    elif carrier in names:
+        problem = 'a body that comes later'
+    else:
+        problem = f'no body of this chain{suggestion(carrier, ["base", *names])}'
+    section.fail('carrier', f"is {shown(carrier)}, {problem}, must be 'base' or the name of an earlier body")
+
+
+def read_mass(section) -> tuple[float, complex, float, float]:
+    """Return mass, mass centre, inertia about the joint point and about the mass centre, J = J_C + m c^2."""
+    mass = section.number('mass', unit='kg', least=0.0)
+    center = section.vector('center_of_mass', 0j, 'm')
+    steiner = mass * (center.real * center.real + center.imag * center.imag)   # m c^2
+    about = 'kg m^2 about the joint point', 'kg m^2 about the mass centre'
+    if 'inertia' in section.data and 'inertia_com' in section.data:
+        section.fail('inertia_com', "stands beside 'inertia', must be exactly one of the two")
+    if 'inertia_com' in section.data:
+        inertia_com = section.number('inertia_com', unit=about[1])
+        if inertia_com < -POINT_MASS * steiner:
+            section.number('inertia_com', unit=about[1], least=0.0)
+        inertia_com = max(inertia_com, 0.0)
+        inertia = inertia_com + steiner
+    else:
+        inertia = section.number('inertia', unit=about[0], least=0.0,
+                                 wanted='' if 'inertia' in section.data else
+                                 f"a number >= 0 ({about[0]}), or 'inertia_com' about the mass centre")
+        inertia_com = inertia - steiner
+        if isfinite(steiner) and inertia_com < -POINT_MASS * steiner:
+            section.fail('inertia', f'is {inertia!r}, must be at least mass * |center_of_mass|^2 = {steiner!r} '
+                         f"({about[0]}; about the mass centre the key is 'inertia_com')")
+        if inertia_com <= ROUNDING * steiner:
+            inertia, inertia_com = steiner, 0.0
+    if not isfinite(inertia) or not isfinite(inertia_com):
+        section.fail('center_of_mass', 'is too far out, must keep mass * |center_of_mass|^2 a finite number (kg m^2)')
+    return mass, center, inertia, inertia_com
+
+
+def read_joint(body, kind, body_name, owners) -> Optional[Joint]:
+    """Return the body's joint of one kind, None where it has none."""
+    section = body.section(kind)
+    if section is None:
+        return None
+    section.refuse_unknown_keys(JOINT_KEYS)
+    name = section.text('joint', wanted='the name of the joint, a text')
+    if name in owners:
+        section.fail('joint', f"is {shown(name)}, the name of a joint of body '{clipped(owners[name])}', "
+                     'must be a name of its own')
+    owners[name] = body_name
+    numbers = {key: section.number(key, default, rotation if kind == 'rotation' else slide, least)
+               for key, (default, least, slide, rotation) in JOINT_NUMBERS.items() if key in section.data}
+    if kind == 'slide':
+        axis = section.number('axis', wanted="a finite number (rad, the direction in the carrier's frame)")
+    else:
+        axis = section.number('axis', 1.0, wanted='1 (counter-clockwise) or -1 (clockwise)')
+        if axis not in (1.0, -1.0):
+            section.fail('axis', f'is {axis!r}, must be 1 (counter-clockwise) or -1 (clockwise)')
+    joint = Joint(name, kind, axis, **numbers)
+    if not joint.lower < joint.upper:
+        section.fail('lower', f"is {joint.lower!r}, must be below 'upper', {joint.upper!r}")
+    if not joint.lower <= joint.position <= joint.upper:
+        section.fail('position', f'is {joint.position!r}, must lie between the stops, '
+                     f'{joint.lower!r} and {joint.upper!r}')
+    return joint
+
+
+def refuse_singular(chain, sections):
+    """Raise for a joint that no configuration gives any inertia of its own (equations sheet, section 7)."""
+    from .plan import singular_joint   # the kernel is not needed to read a file's keys
+    name = singular_joint(chain)
+    if name is None:
+        return
+    index = next(i for i, body in enumerate(chain.bodies) if name in [j.name for j in (body.slide, body.rotation) if j])
+    kind = 'slide' if chain.bodies[index].slide and chain.bodies[index].slide.name == name else 'rotation'
+    why = lack_of_inertia(chain.bodies, index, kind)
+    sections[index].fail(kind, f"has the joint '{clipped(name)}', which makes the mass matrix singular in every "
+                         f"configuration because {why}, must have mass, inertia or 'armature' to move")
+
+
+def lack_of_inertia(bodies, index, kind) -> str:
+    """Say why a joint has no inertia of its own."""
+    outboard = {index}
+    for i in range(index + 1, len(bodies)):
+        if bodies[i].carrier in outboard:
+            outboard.add(i)
+    if not any(bodies[i].mass for i in outboard):
+        if kind == 'slide' or not any(bodies[i].inertia_com for i in outboard):
+            return 'nothing on this body or outboard of it has mass'
+    return 'it moves no mass that the other joints do not move in the same way'

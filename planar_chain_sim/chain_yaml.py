@@ -1,0 +1,230 @@
+"""
+YAML -> Chain: the only file that knows YAML.
+
+Scalars follow YAML 1.2's core rules, so `1e-3` is a number and `yes` is a text. Anchors, aliases, tags and keys given
+twice are refused, nesting is bounded, and a text of any size or content ends in a Chain or in one ChainError sentence.
+"""
+from __future__ import annotations
+
+import os
+import re
+import stat
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Union
+
+import yaml
+from yaml import events
+
+from .chain import Chain, ChainError
+from .chain_checks import build_chain
+from .chain_section import MAX_DEPTH, MAX_ITEMS, MAX_KEYS, LinedDict, clipped, plain
+
+LOADER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
+DUMPER = getattr(yaml, 'CSafeDumper', yaml.SafeDumper)
+MAX_BYTES = 16 * 2**20
+UNPRINTABLE = re.compile('[^\t\n\r -~\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]')   # YAML 1.2, rule [1]
+INTEGER = re.compile('[-+]?[0-9]{1,20}|0o[0-7]{1,20}|0x[0-9a-fA-F]{1,20}')
+NUMBER = re.compile(r'[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?')
+CONSTANTS = {'': None, '~': None, 'null': None, 'Null': None, 'NULL': None,
+             'true': True, 'True': True, 'TRUE': True, 'false': False, 'False': False, 'FALSE': False,
+             **{sign + word: float(sign + 'inf') for sign in ('', '+', '-') for word in ('.inf', '.Inf', '.INF')},
+             **{word: float('nan') for word in ('.nan', '.NaN', '.NAN')}}
+
+
+def load_chain(path: Union[str, os.PathLike]) -> Chain:
+    """
+    Return the chain of a YAML file.
+
+    A relative path is looked for in the working directory, then among the chains that come with the package (see
+    `find_chain_file`). ChainError, one sentence, for a file that cannot be read or a chain that cannot be.
+    """
+    path = find_chain_file(path)
+    name = clipped(str(path), 400)
+    try:
+        mode = os.stat(path).st_mode
+        if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):   # a pipe would be waited for
+            raise OSError(0, 'Not a regular file')
+        with open(path, 'rb') as stream:
+            text = stream.read(MAX_BYTES + 1)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, 'strerror', None) or error
+        raise ChainError(f'{name}: cannot be read ({reason}), must be a chain file in YAML') from None
+    return chain_from_text(text, name)
+
+
+def chain_from_text(text: Union[str, bytes], name: str = '<text>') -> Chain:
+    """Return the chain of a YAML text (bytes: UTF-8); `name` stands for the file in ChainError sentences."""
+    if len(text) > MAX_BYTES:
+        raise ChainError(f'{name}: is longer than {MAX_BYTES // 2**20} MiB, must be a chain file in YAML')
+    if isinstance(text, bytes):
+        try:
+            text = text.decode('utf-8-sig')
+        except UnicodeDecodeError as error:
+            line = text.count(b'\n', 0, error.start) + 1
+            raise ChainError(f'{name} line {line}: is not UTF-8 text, must be a chain file in YAML') from None
+    strange = UNPRINTABLE.search(text)
+    if strange:
+        line = text.count('\n', 0, strange.start()) + 1
+        raise ChainError(f'{name} line {line}: holds the character {strange.group()!r}, must be printable text')
+    return build_chain(Composer(name).compose(text), name, text)
+
+
+def chain_from_dict(data: Mapping) -> Chain:
+    """
+    Return the chain of plain data with the keys of a chain file; numpy numbers and arrays and tuples are taken too.
+
+    `Chain.source` is a YAML text that loads back to the same bits. ChainError names the place by its path in the data.
+    """
+    data = plain(data)
+    if not isinstance(data, dict):
+        raise ChainError(f"the chain is of type {type(data).__name__}, must be a mapping with the key 'bodies'")
+    source = yaml.dump(data, Dumper=PlainDumper, sort_keys=False, allow_unicode=True, default_flow_style=None, width=99)
+    if len(source) > MAX_BYTES:
+        raise ChainError(f'the chain is longer than {MAX_BYTES // 2**20} MiB as a text, must be a smaller one')
+    return build_chain(data, '', source)
+
+
+def find_chain_file(path: Union[str, os.PathLike]) -> Path:
+    """
+    Return where the chain file `path` is: an absolute path as it stands, a relative one in the first place that has it.
+
+    The places: the working directory, then the package's config folder (with or without a leading `config/`) in the
+    ament index, under `sys.prefix`, in the source tree. ChainError where none of them has it.
+    """
+    path = Path(path)
+    if path.is_absolute() or os.path.exists(path):
+        return path
+    name = path.relative_to('config') if path.parts[:1] == ('config',) else path
+    folders = list(config_folders())
+    for folder in folders:
+        if os.path.isfile(folder / name):
+            return folder / name
+    places = ', '.join(['the working directory', *map(str, folders)])
+    raise ChainError(f'{clipped(str(path), 400)}: is in none of {places}, must be a chain file in YAML')
+
+
+def config_folders() -> Iterator[Path]:
+    """Yield the folders where the package's own chain files can lie: ament index, sys.prefix, source tree."""
+    package = __name__.partition('.')[0]
+    for prefix in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep):
+        if prefix and Path(prefix, 'share/ament_index/resource_index/packages', package).exists():
+            yield Path(prefix, 'share', package, 'config')
+    yield Path(sys.prefix, 'share', package, 'config')
+    yield Path(__file__).resolve().parents[1] / 'config'
+
+
+class Composer:
+    """YAML events -> mappings with lines, lists and scalars; a stack of open containers instead of recursion."""
+
+    def __init__(self, name: str):
+        """Start with nothing open; `name` stands for the text in sentences."""
+        self.name = name
+        self.root = None
+        self.open = []       # containers that are being filled, outermost first
+        self.key = None      # of the innermost mapping, while it waits for its value
+
+    def fail(self, line, problem):
+        """Raise the ChainError sentence for a line, with the body's name where one is known (root, bodies, body)."""
+        body = self.open[2].get('name') if len(self.open) > 2 and isinstance(self.open[2], dict) else None
+        label = f"body '{clipped(body)}' " if isinstance(body, str) else ''
+        raise ChainError(f'{self.name} line {line}: {label}{problem}')
+
+    def compose(self, text) -> LinedDict:
+        """Return the mapping that the text is."""
+        loader, documents = LOADER(text), 0
+        try:
+            while (event := loader.get_event()) is not None:
+                if isinstance(event, events.NodeEvent):
+                    self.take(event, event.start_mark.line + 1)
+                elif isinstance(event, events.CollectionEndEvent):
+                    self.open.pop()
+                elif isinstance(event, events.DocumentStartEvent):
+                    documents += 1
+                    if documents > 1:
+                        self.fail(event.start_mark.line + 1, 'starts a second YAML document, must be one')
+        except yaml.YAMLError as error:
+            mark = getattr(error, 'problem_mark', None)
+            line = f' line {mark.line + 1}' if mark else ''
+            problem = clipped(getattr(error, 'problem', None) or getattr(error, 'reason', 'unreadable'), 120)
+            raise ChainError(f'{self.name}{line}: is not valid YAML ({problem}), must be a chain file') from None
+        finally:
+            loader.dispose()
+        if self.root is None:
+            raise ChainError(f"{self.name}: is empty, must be a mapping with the key 'bodies'")
+        return self.root
+
+    def take(self, event, line):
+        """Put one node, a key or a value, where it belongs."""
+        if event.anchor is not None:
+            self.fail(line, f"has the anchor or alias '{clipped(event.anchor)}', must be written out in full")
+        if event.tag is not None:
+            tag = clipped(event.tag.replace('tag:yaml.org,2002:', '!!'))
+            self.fail(line, f"has the tag '{tag}', must be plain YAML without tags")
+        scalar = isinstance(event, events.ScalarEvent)
+        if self.key is None and self.open and isinstance(self.open[-1], dict):
+            if not scalar:
+                self.fail(line, 'has a list or mapping as a key, must be a text')
+            self.take_key(event.value, line)
+        elif scalar:
+            self.put(plain_scalar(event.value) if event.implicit[0] else event.value, line)
+        else:
+            container = LinedDict(line) if isinstance(event, events.MappingStartEvent) else []
+            self.put(container, line)
+            if len(self.open) == MAX_DEPTH:
+                self.fail(line, f'is nested deeper than {MAX_DEPTH} levels, must be a chain file')
+            self.open.append(container)
+
+    def take_key(self, key, line):
+        """Note the key of the innermost mapping whose value comes next."""
+        lines = self.open[-1].lines
+        if key in lines:
+            self.fail(line, f"key '{clipped(key)}' is given twice, on line {lines[key]} too, must be given once")
+        if len(lines) == MAX_KEYS:
+            self.fail(line, f"key '{clipped(key)}' is one too many, must be one of at most {MAX_KEYS} in a mapping")
+        lines[key] = line
+        self.key = key
+
+    def put(self, value, line):
+        """Put a value into the innermost container, or take it as the root."""
+        if not self.open:
+            if not isinstance(value, dict) and value is not None:
+                got = 'a list' if isinstance(value, list) else 'a single value'
+                self.fail(line, f"is {got}, must be a mapping with the key 'bodies'")
+            self.root = value
+        elif self.key is not None:
+            self.open[-1][self.key] = value
+            self.key = None
+        elif len(self.open[-1]) == MAX_ITEMS:
+            self.fail(line, f'has one item too many, must be a list of at most {MAX_ITEMS}')
+        else:
+            self.open[-1].append(value)
+
+
+def plain_scalar(text):
+    """Return what an unquoted scalar means by YAML 1.2's core rules: nothing, a truth value, a number or a text."""
+    if text in CONSTANTS:
+        return CONSTANTS[text]
+    if text[0] in '+-.0123456789':
+        if INTEGER.fullmatch(text):
+            return int(text, 0 if text[1:2] in ('o', 'x') else 10)
+        if NUMBER.fullmatch(text):
+            return float(text)
+    return text
+
+
+class PlainDumper(DUMPER):
+    """A YAML writer whose texts come back as texts under YAML 1.2's rules too, and that writes no anchors."""
+
+    def ignore_aliases(self, data):
+        """Write shared values out."""
+        return True
+
+    def represent_text(self, text):
+        """Quote a text that would be read as something else."""
+        style = None if isinstance(text, str) and plain_scalar(text) == text else "'"
+        return self.represent_scalar('tag:yaml.org,2002:str', text, style=style)
+
+
+PlainDumper.add_representer(str, PlainDumper.represent_text)
