@@ -82,4 +82,5 @@ def mass_matrix(chain: Chain, position) -> np.ndarray:
 
 def energy(chain: Chain, position, velocity) -> tuple[float, float]:
     """Kinetic energy T with armature and potential energy V = -sum m g . r + springs, J (equations.md 6.1). ValueError as above."""
-    return chain.plan.model.energy(*_joint_arrays(chain, position=position, velocity=velocity))
+    kinetic, potential = chain.plan.model.energy(*_joint_arrays(chain, position=position, velocity=velocity))
+    return kinetic, potential + chain.plan.grounded_energy

@@ -80,13 +80,16 @@ class Link:
     inertia: float           # J_i about the joint point, kg m^2
 
 
-def merge_welded(chain: Chain) -> list[Link]:
+def merge_welded(chain: Chain) -> tuple[list[Link], complex]:
     """
-    The chain's links in regular labelling: welded bodies merged into their carriers, those on the base dropped (equations.md 5).
+    The chain's links in regular labelling: welded bodies merged into their carriers (equations.md 5).
+
+    Bodies welded to the base never move and are dropped; their first moment sum m r_C, kg m, is returned for the potential energy.
 
     Every fixed angle is absorbed into the constants: for each body the triple (link, position, angle) places its frame in its link's.
     """
     links: list[Link] = []
+    grounded = 0j
     placed: list[tuple[int, complex, float]] = []    # per body: slot of its link (0 base), m, rad
     for body in chain.bodies:
         slot, position, angle = placed[body.carrier] if body.carrier != BASE else (0, 0j, 0.0)
@@ -96,13 +99,15 @@ def merge_welded(chain: Chain) -> list[Link]:
         moment = body.mass * turn * body.center_of_mass
         if body.slide is None and body.rotation is None:
             placed.append((slot, origin, own_angle))
-            if slot > 0:
-                link = links[slot - 1]
-                link.inertia += body.inertia + body.mass * abs(origin)**2 + 2.0 * (origin.conjugate() * moment).real
-                link.moment += body.mass * origin + moment
-                link.mass += body.mass
+            if slot == 0:
+                grounded += body.mass * origin + moment
+                continue
+            link = links[slot - 1]
+            link.inertia += body.inertia + body.mass * abs(origin)**2 + 2.0 * (origin.conjugate() * moment).real
+            link.moment += body.mass * origin + moment
+            link.mass += body.mass
             continue
         axis = unit_vector(angle + body.slide.axis) if body.slide is not None else 0j
         links.append(Link(slot, origin, axis, body.slide, body.rotation, body.mass, moment, body.inertia))
         placed.append((len(links), 0j, own_angle))
-    return links
+    return links, grounded

@@ -21,6 +21,7 @@ class Plan:
     joints: int
     used: tuple[str, ...]
     skipped: tuple[str, ...]
+    grounded_energy: float    # J, potential energy of bodies welded to the base, which the kernel never sees
 
     def __str__(self):
         return (f'{self.links} links, {self.joints} joints, O(n) recursion; uses {", ".join(self.used) or "nothing more"}; '
@@ -49,7 +50,7 @@ def _kernel_model(chain: Chain, links) -> object:
 
 def make_plan(chain: Chain) -> Plan:
     """Merge, list features, build the kernel's model. `Chain.plan` keeps the result."""
-    links = merge_welded(chain)
+    links, grounded = merge_welded(chain)
     features = {
         'slides': any(link.slide for link in links),
         'branches': len({link.carrier for link in links}) < len(links),
@@ -62,7 +63,7 @@ def make_plan(chain: Chain) -> Plan:
     welded = len(chain.bodies) - len(links)
     return Plan(_kernel_model(chain, links), len(links), chain.joint_count,
                 tuple(name for name, present in features.items() if present) + ((f'{welded} welded bodies merged',) if welded else ()),
-                tuple(name for name, present in features.items() if not present))
+                tuple(name for name, present in features.items() if not present), -(grounded * chain.gravity.conjugate()).real)
 
 
 def singular_joint(chain: Chain) -> Optional[str]:

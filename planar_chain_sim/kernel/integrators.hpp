@@ -2,7 +2,7 @@
 #pragma once
 
 #include <cmath>
-#include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "chain.hpp"
@@ -31,33 +31,31 @@ class ExplicitRungeKutta {
  public:
   ExplicitRungeKutta(const Chain& chain, const JointForces& forces, const ButcherTableau& tableau, double step)
       : forces_(forces), tableau_(tableau), step_(step), joints_(chain.joint_count), recursion_(chain),
-        next_(joints_), stage_position_(joints_), effort_(joints_),
+        next_(joints_), stage_position_(joints_), effort_(joints_), position_sum_(joints_), velocity_sum_(joints_),
         rates_(static_cast<std::size_t>(tableau.stages) * joints_),
         accelerations_(static_cast<std::size_t>(tableau.stages) * joints_) {}
 
   // One step under the clamped actuator effort. The state changes only if the outcome is good; else `joint` names the culprit.
   Outcome step(JointState& state, const double* actuator, int& joint) {
     for (int stage = 0; stage < tableau_.stages; ++stage) {
-      double* rate = &rates_[static_cast<std::size_t>(stage) * joints_];
-      double* acceleration = &accelerations_[static_cast<std::size_t>(stage) * joints_];
-      const double* row = &tableau_.a[static_cast<std::size_t>(stage) * tableau_.stages];
+      double* rate = row_of(rates_, stage);
+      double* acceleration = row_of(accelerations_, stage);
+      weigh(&tableau_.a[static_cast<std::size_t>(stage) * tableau_.stages], stage);
       for (int i = 0; i < joints_; ++i) {
-        const double dq = step_ * weighted(row, stage, rates_, i) + state.position_remainder[i];
-        const double dv = step_ * weighted(row, stage, accelerations_, i) + state.velocity_remainder[i];
-        stage_position_[i] = state.position[i] + dq;
-        rate[i] = state.velocity[i] + dv;
+        stage_position_[i] = state.position[i] + (step_ * position_sum_[i] + state.position_remainder[i]);
+        rate[i] = state.velocity[i] + (step_ * velocity_sum_[i] + state.velocity_remainder[i]);
+        effort_[i] = actuator[i];
       }
-      for (int i = 0; i < joints_; ++i) effort_[i] = actuator[i];
       forces_.add_passive(stage_position_.data(), rate, effort_.data());
       joint = recursion_.forward(stage_position_.data(), rate, effort_.data(), acceleration);
       if (joint >= 0) return finite(rate) && finite(stage_position_.data()) ? Outcome::singular : Outcome::not_finite;
     }
-    const double* b = tableau_.b.data();
+    weigh(tableau_.b.data(), tableau_.stages);
     for (int i = 0; i < joints_; ++i) {
-      add(state.position[i], state.position_remainder[i], step_ * weighted(b, tableau_.stages, rates_, i),
-          next_.position[i], next_.position_remainder[i]);
-      add(state.velocity[i], state.velocity_remainder[i], step_ * weighted(b, tableau_.stages, accelerations_, i),
-          next_.velocity[i], next_.velocity_remainder[i]);
+      add(state.position[i], state.position_remainder[i], step_ * position_sum_[i], next_.position[i],
+          next_.position_remainder[i]);
+      add(state.velocity[i], state.velocity_remainder[i], step_ * velocity_sum_[i], next_.velocity[i],
+          next_.velocity_remainder[i]);
     }
     for (joint = 0; joint < joints_; ++joint)
       if (!std::isfinite(next_.position[joint]) || !std::isfinite(next_.velocity[joint])) return Outcome::not_finite;
@@ -70,12 +68,20 @@ class ExplicitRungeKutta {
   int stages() const { return tableau_.stages; }
 
  private:
-  // sum over l < count of row[l] * k_l[i], in the order of the stages
-  double weighted(const double* row, int count, const std::vector<double>& k, int i) const {
-    double sum = 0.0;
-    for (int l = 0; l < count; ++l)
-      if (row[l] != 0.0) sum += row[l] * k[static_cast<std::size_t>(l) * joints_ + i];
-    return sum;
+  double* row_of(std::vector<double>& stages, int stage) { return &stages[static_cast<std::size_t>(stage) * joints_]; }
+
+  // Sums over l < count of weight[l] k_l, in the order of the stages.
+  void weigh(const double* weight, int count) {
+    for (int i = 0; i < joints_; ++i) position_sum_[i] = velocity_sum_[i] = 0.0;
+    for (int l = 0; l < count; ++l) {
+      if (weight[l] == 0.0) continue;
+      const double* rate = row_of(rates_, l);
+      const double* acceleration = row_of(accelerations_, l);
+      for (int i = 0; i < joints_; ++i) {
+        position_sum_[i] += weight[l] * rate[i];
+        velocity_sum_[i] += weight[l] * acceleration[i];
+      }
+    }
   }
 
   // Two-sum (Knuth, TAOCP 2, 4.2.2): what rounding loses goes into the remainder, so that error grows with steps^(1/2).
@@ -98,7 +104,7 @@ class ExplicitRungeKutta {
   const int joints_;
   Recursion recursion_;
   JointState next_;
-  std::vector<double> stage_position_, effort_, rates_, accelerations_;
+  std::vector<double> stage_position_, effort_, position_sum_, velocity_sum_, rates_, accelerations_;
 };
 
 }  // namespace planar_chain

@@ -1,0 +1,46 @@
+"""Random trees of every body kind for twin tests, and uniform serial rods."""
+import numpy as np
+
+from planar_chain_sim.chain import BASE, Body, Chain, Joint
+
+KINDS = ('turning', 'sliding and turning', 'sliding', 'welded')
+
+
+def random_joint(random, name, kind, armature, axis=None):
+    """A joint with damping and a spring now and then, and a rotor if asked for."""
+    if axis is None:
+        axis = random.choice([-1.0, 1.0]) if kind == 'rotation' else random.uniform(-3.0, 3.0)
+    return Joint(name, kind, float(axis),
+                 damping=float(random.choice([0.0, random.uniform(0.01, 1.0)])),
+                 stiffness=float(random.choice([0.0, random.uniform(0.1, 5.0)])), rest=float(random.normal()),
+                 armature=float(random.choice([0.0, random.uniform(0.01, 0.5)])) if armature else 0.0)
+
+
+def random_tree(seed, bodies, kinds=KINDS, armature=True):
+    """A tree of `bodies` bodies with branches, several of them on the base, general offsets and angles; solvable everywhere."""
+    random = np.random.default_rng(seed)
+    made = []
+    for i in range(bodies):
+        kind = 'turning' if i == 0 else random.choice(kinds)
+        mass, center = random.uniform(0.2, 2.0), complex(*random.normal(0.0, 0.3, 2))
+        inertia_com = random.uniform(0.01, 0.3)
+        made.append(Body(
+            f'body{i}', int(random.integers(max(BASE, i - 4), i)) if i else BASE, complex(*random.normal(0.0, 0.5, 2)),
+            float(random.choice([0.0, random.uniform(-3.0, 3.0)])), float(mass), center,
+            float(inertia_com + mass * abs(center)**2), float(inertia_com),
+            random_joint(random, f'slide{i}', 'slide', armature) if 'sliding' in kind else None,
+            random_joint(random, f'turn{i}', 'rotation', armature) if 'turning' in kind else None))
+    return Chain(f'tree{seed}', complex(*random.normal(0.0, 9.0, 2)), tuple(made))
+
+
+def random_state(chain, seed):
+    """Position, velocity, effort, (joints,) each."""
+    return np.random.default_rng(seed).normal(0.0, 1.5, (3, chain.joint_count))
+
+
+def uniform_rods(count, gravity=-9.81j):
+    """`count` equal rods in a row, length and mass 1 / count each: the benchmark's chain."""
+    length = mass = 1.0 / count
+    return Chain(f'{count} rods', gravity, tuple(
+        Body(f'rod{i}', i - 1, complex(length if i else 0.0), 0.0, mass, complex(length / 2), mass * length**2 / 3,
+             mass * length**2 / 12, None, Joint(f'joint{i}', 'rotation', 1.0)) for i in range(count)))

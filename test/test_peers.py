@@ -1,0 +1,104 @@
+"""Oracle tests: the same chains through MuJoCo and Pinocchio, which share no line and no formula with this package."""
+import numpy as np
+import pytest
+from random_trees import random_state, random_tree
+
+import planar_chain_sim as pcs
+
+SEEDS = range(30)
+
+
+def spring_and_damper(chain, position, velocity):
+    return np.array([-joint.damping * v - joint.stiffness * (q - joint.rest)
+                     for joint, q, v in zip(chain.joints, position, velocity)])
+
+
+def in_space(vector):
+    return np.array([vector.real, vector.imag, 0.0])
+
+
+def mujoco_model(mujoco, chain):
+    """Hinges about z and slides in the x-y plane; a slide's axis is in the body's frame there, in the carrier's here."""
+    spec = mujoco.MjSpec()
+    spec.option.gravity = in_space(chain.gravity)
+    made = []
+    for body in chain.bodies:
+        carrier = spec.worldbody if body.carrier < 0 else made[body.carrier]
+        part = carrier.add_body(name=body.name, pos=in_space(body.origin),
+                                quat=[np.cos(body.angle / 2), 0.0, 0.0, np.sin(body.angle / 2)])
+        part.mass, part.ipos, part.inertia = body.mass, in_space(body.center_of_mass), [body.inertia_com] * 3
+        part.explicitinertial = True
+        if body.slide:
+            direction = body.slide.axis - body.angle
+            part.add_joint(name=body.slide.name, type=mujoco.mjtJoint.mjJNT_SLIDE, armature=body.slide.armature,
+                           axis=[np.cos(direction), np.sin(direction), 0.0])
+        if body.rotation:
+            part.add_joint(name=body.rotation.name, type=mujoco.mjtJoint.mjJNT_HINGE, armature=body.rotation.armature,
+                           axis=[0.0, 0.0, body.rotation.axis])
+        made.append(part)
+    return spec.compile()
+
+
+def pinocchio_model(pin, chain):
+    model = pin.Model()
+    model.gravity.linear[:] = in_space(chain.gravity)
+    placed, armature = [], []
+    for body in chain.bodies:
+        joint, frame = placed[body.carrier] if body.carrier >= 0 else (0, pin.SE3.Identity())
+        frame = frame * pin.SE3(np.eye(3), in_space(body.origin))
+        if body.slide:
+            axis = in_space(np.exp(1j * body.slide.axis))
+            joint = model.addJoint(joint, pin.JointModelPrismaticUnaligned(axis), frame, body.slide.name)
+            frame = pin.SE3.Identity()
+            armature.append(body.slide.armature)
+        frame = frame * pin.SE3(pin.utils.rotate('z', body.angle), np.zeros(3))
+        if body.rotation:
+            axis = np.array([0.0, 0.0, body.rotation.axis])
+            joint = model.addJoint(joint, pin.JointModelRevoluteUnaligned(axis), frame, body.rotation.name)
+            frame = pin.SE3.Identity()
+            armature.append(body.rotation.armature)
+        inertia = pin.Inertia(body.mass, in_space(body.center_of_mass), body.inertia_com * np.eye(3))
+        model.appendBodyToJoint(joint, inertia, frame)
+        placed.append((joint, frame))
+    model.armature[:] = armature
+    return model
+
+
+@pytest.mark.parametrize('seed', SEEDS)
+def test_mujoco_agrees(seed):
+    mujoco = pytest.importorskip('mujoco')
+    chain = random_tree(seed, bodies=2 + seed % 12)
+    position, velocity, effort = random_state(chain, seed)
+    model = mujoco_model(mujoco, chain)
+    data = mujoco.MjData(model)
+    address = [model.joint(name).dofadr[0] for name in chain.joint_names]   # MuJoCo's order is depth first
+    data.qpos[address], data.qvel[address] = position, velocity
+    data.qfrc_applied[address] = effort + spring_and_damper(chain, position, velocity)
+    mujoco.mj_forward(model, data)
+    wanted = pcs.forward_dynamics(chain, position, velocity, effort)
+    np.testing.assert_allclose(data.qacc[address], wanted, rtol=0, atol=1e-10 * np.abs(wanted).max())
+    H, column = np.zeros((model.nv, model.nv)), np.zeros(model.nv)
+    for k, unit in enumerate(np.eye(model.nv)):
+        mujoco.mj_mulM(model, data, column, unit)
+        H[:, k] = column
+    np.testing.assert_allclose(H[np.ix_(address, address)], pcs.mass_matrix(chain, position), rtol=0, atol=1e-10 * H.max())
+
+
+@pytest.mark.parametrize('seed', SEEDS)
+def test_pinocchio_agrees(seed):
+    pin = pytest.importorskip('pinocchio')
+    chain = random_tree(seed, bodies=2 + seed % 12)
+    position, velocity, effort = random_state(chain, seed)
+    model = pinocchio_model(pin, chain)
+    data = model.createData()
+    # rotations about z only: Pinocchio's configuration vector is ours
+    got = pin.aba(model, data, position, velocity, effort + spring_and_damper(chain, position, velocity))
+    wanted = pcs.forward_dynamics(chain, position, velocity, effort)
+    np.testing.assert_allclose(got, wanted, rtol=0, atol=1e-10 * np.abs(wanted).max())
+    back = pcs.inverse_dynamics(chain, position, velocity, wanted) + spring_and_damper(chain, position, velocity)
+    peer = pin.rnea(model, data, position, velocity, wanted)
+    np.testing.assert_allclose(back, peer, rtol=0, atol=1e-10 * np.abs(peer).max())
+    kinetic, _ = pcs.energy(chain, position, velocity)
+    kinetic -= 0.5 * model.armature @ velocity**2
+    model.armature[:] = 0.0   # the peer's own account of rotor energy is incomplete
+    assert kinetic == pytest.approx(pin.computeKineticEnergy(model, data, position, velocity), rel=1e-10)
