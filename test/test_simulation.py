@@ -1,0 +1,235 @@
+"""Order, invariants, bit equality and refusals of Simulation and rollout."""
+import copy
+import pickle
+
+import numpy as np
+import pytest
+from random_trees import random_tree, uniform_rods
+
+import planar_chain_sim as pcs
+from planar_chain_sim import invariants
+from planar_chain_sim.chain import Body, Chain, Joint
+
+
+def one_joint(kind='rotation', mass=2.0, inertia=0.5, gravity=0j, **laws):
+    """A single body whose joint obeys inertia * q'' = effort - laws, in closed form."""
+    joint = Joint('joint', kind, 1.0 if kind == 'rotation' else 0.0, **laws)
+    sliding = kind == 'slide'
+    return Chain('one', gravity, (Body('body', -1, 0j, 0.0, mass, 0j, inertia, inertia, joint if sliding else None,
+                                       None if sliding else joint),))
+
+
+def total_energy(chain, run):
+    return np.array([sum(pcs.energy(chain, q, v)) for q, v in zip(run.position, run.velocity)])
+
+
+def test_measured_order_of_every_method():
+    """Error against a much finer run of the same branched, sliding arm falls with the declared order, within 0.2."""
+    chain = random_tree(8, bodies=5)
+    for method in pcs.METHODS.values():
+        exact = pcs.rollout(chain, 0.5, 1 / 8192, method.name)
+        errors = []
+        for steps in (64, 128, 256):
+            run = pcs.rollout(chain, 0.5, 0.5 / steps, method.name)
+            errors.append(np.abs(run.position[-1] - exact.position[-1]).max())
+        slopes = np.diff(np.log2(errors)) * -1.0
+        assert np.abs(slopes - method.order).max() < 0.2, (method.name, slopes)
+
+
+@pytest.mark.parametrize('kind', ['rotation', 'slide'])
+def test_damped_spring_follows_the_closed_form(kind):
+    inertia = {'rotation': 0.5, 'slide': 2.0}[kind] + 0.25
+    d, k, rest, position, velocity, effort = 0.3, 8.0, 0.4, 1.1, -0.7, 0.9
+    chain = one_joint(kind, armature=0.25, damping=d, stiffness=k, rest=rest, position=position, velocity=velocity)
+    run = pcs.rollout(chain, 3.0, 1e-3, effort=[effort])
+    decay, middle = d / (2 * inertia), rest + effort / k
+    omega = np.sqrt(k / inertia - decay**2)
+    start = position - middle
+    exact = middle + np.exp(-decay * run.time) * (
+        start * np.cos(omega * run.time) + (velocity + decay * start) / omega * np.sin(omega * run.time))
+    # RK4's local error (omega h)^5 / 120 a step over 3000 steps is 1e-12
+    np.testing.assert_allclose(run.position[:, 0], exact, rtol=0, atol=1e-11)
+
+
+def test_energy_of_a_free_arm_is_conserved_to_the_order_of_the_method():
+    chain = Chain('free', -9.81j, tuple(
+        Body(f'b{i}', carrier, origin, 0.0, 1.0, 0.3 + 0.1j, 0.2, 0.1, slide, Joint(f'r{i}', 'rotation', 1.0, position=1.0))
+        for i, (carrier, origin, slide) in enumerate([(-1, 0j, None), (0, 0.6 + 0j, Joint('s', 'slide', 0.3, velocity=0.5)),
+                                                      (1, 0.5 + 0j, None), (1, 0.2j, None)])))
+    drifts = []
+    for step in (2e-3, 1e-3):
+        energy = total_energy(chain, pcs.rollout(chain, 2.0, step))
+        drifts.append(np.abs(energy - energy[0]).max() / np.ptp([invariants.energy(chain, q, v)[1] for q, v in [
+            (np.zeros(5), np.zeros(5)), (np.ones(5), np.zeros(5))]]))
+    assert drifts[1] < 1e-8                   # round-off alone would be 1e-14: this is h^4 and says so below
+    assert drifts[0] / drifts[1] > 2.0**3.7
+
+
+def test_power_balance():
+    """DE/dt = effort . velocity - dissipation, at random states of random trees; dE/dt from the kernel's own accelerations."""
+    for seed in range(20):
+        chain = random_tree(seed, bodies=8)
+        position, velocity, effort = np.random.default_rng(seed).normal(size=(3, chain.joint_count))
+        acceleration = pcs.forward_dynamics(chain, position, velocity, effort)
+        wanted = effort @ velocity - invariants.dissipated_power(chain, position, velocity)
+        h = 1e-4   # central difference along the motion: truncation h^2, round-off eps / h, both below 1e-6 of the terms
+
+        def energy_at(t):
+            return sum(pcs.energy(chain, position + t * velocity + 0.5 * t * t * acceleration, velocity + t * acceleration))
+        rate = (8 * (energy_at(h) - energy_at(-h)) - (energy_at(2 * h) - energy_at(-2 * h))) / (12 * h)
+        size = np.abs(effort * velocity).sum() + abs(rate) + sum(map(abs, pcs.energy(chain, position, velocity)))
+        assert abs(rate - wanted) < 1e-7 * size
+
+
+def test_energy_over_a_driven_damped_run_is_the_work_done():
+    """Integrated power balance: E(t) - E(0) = integral of effort . velocity - dissipation, by Simpson's rule on the ticks."""
+    chain = random_tree(11, bodies=4)
+    effort = np.linspace(-1.0, 1.0, chain.joint_count)
+    run = pcs.rollout(chain, 1.0, 1e-3, effort=effort)
+    power = np.array([effort @ v - invariants.dissipated_power(chain, q, v) for q, v in zip(run.position, run.velocity)])
+    work = (power[0] + power[-1] + 4 * power[1:-1:2].sum() + 2 * power[2:-1:2].sum()) * 1e-3 / 3
+    energy = total_energy(chain, run)
+    assert energy[-1] - energy[0] == pytest.approx(work, abs=1e-8 * np.ptp(energy))
+
+
+def test_how_calls_are_cut_changes_no_bit():
+    chain = random_tree(5, bodies=9)
+    efforts = np.random.default_rng(5).normal(size=(300, chain.joint_count))
+    whole, ones, pieces = (pcs.Simulation(chain) for _ in range(3))
+    whole.advance(300, efforts)
+    for row in efforts:
+        ones.advance(1, row)
+    for start in range(0, 300, 7):
+        pieces.advance(len(efforts[start:start + 7]), efforts[start:start + 7])
+    run = pcs.rollout(chain, 0.3, effort=efforts)
+    for other in (ones, pieces):
+        assert whole.position.tobytes() == other.position.tobytes() and whole.velocity.tobytes() == other.velocity.tobytes()
+    assert run.position[-1].tobytes() == whole.position.tobytes()
+    by_call = pcs.rollout(chain, 0.3, effort=lambda time, position, velocity: efforts[round(time * 1000)])
+    assert by_call.position.tobytes() == run.position.tobytes() and by_call.effort.tobytes() == run.effort.tobytes()
+
+
+def test_checkpoint_goes_on_with_the_same_bits_and_set_state_clears_hidden_terms():
+    chain = random_tree(6, bodies=6)
+    simulation, other = pcs.Simulation(chain), pcs.Simulation(chain)
+    simulation.advance(500)
+    saved = pickle.loads(pickle.dumps(simulation.checkpoint()))
+    position, velocity = simulation.position, simulation.velocity
+    simulation.advance(500)
+    other.restore(saved)
+    assert (other.tick, other.time) == (500, 0.5)
+    other.advance(500)
+    assert other.position.tobytes() == simulation.position.tobytes()
+    plain = pcs.Simulation(chain)
+    plain.set_state(position, velocity)
+    plain.advance(500)
+    assert plain.position.tobytes() != simulation.position.tobytes()     # the remainders made a difference ...
+    np.testing.assert_allclose(plain.position, simulation.position, rtol=1e-9)  # ... in the last digits
+
+
+def test_compensation_keeps_round_off_from_growing_with_the_steps():
+    """1e6 tiny drifting steps of free flight: x = v t to the last bit, where a plain sum would be off by hundreds of ulps."""
+    chain = one_joint('slide', velocity=1 / 3)
+    simulation = pcs.Simulation(chain, step=1e-5)
+    simulation.advance(1_000_000)
+    assert abs(simulation.position[0] - 10 / 3) <= 2 * np.spacing(10 / 3)
+
+
+def test_effort_is_clamped_and_reported_as_it_acted():
+    chain = one_joint(inertia=1.0, effort_limit=2.0)
+    simulation = pcs.Simulation(chain)
+    simulation.advance(100, [5.0])
+    assert simulation.effort.tolist() == [2.0]
+    assert simulation.velocity[0] == pytest.approx(0.2, rel=1e-12)
+    simulation.advance(1, [-7.0])
+    assert simulation.effort.tolist() == [-2.0]
+    assert simulation.acceleration.tolist() == [-2.0]
+
+
+def test_time_is_ticks_times_step_and_advance_to_lands_on_it():
+    simulation = pcs.Simulation(uniform_rods(1), step=1e-3)
+    simulation.advance_to(5.0)
+    assert (simulation.tick, simulation.time) == (5000, 5.0)
+    for bad, message in [(4.0, 'must not lie before'), (5.0005, 'whole number of steps'), (np.nan, 'must be finite')]:
+        with pytest.raises(ValueError, match=message):
+            simulation.advance_to(bad)
+    assert simulation.statistics == {'evaluations': 20000, 'steps': 5000, 'rejected_steps': 0, 'events': 0}
+    simulation.set_state([0.1], [0.2])
+    assert simulation.time == 5.0
+
+
+@pytest.mark.parametrize('arguments, message', [
+    ({'method': 'rk5'}, "method is 'rk5', must be 'auto' or one of"),
+    ({'step': 0.0}, 'step is 0.0, must be a positive'), ({'step': np.inf}, 'step is inf'), ({'step': '1'}, "step is '1'"),
+    ({'method': 'rk4', 'tolerance': 1e-9}, "tolerance is 1e-09, must be None: method 'rk4' has a fixed step"),
+    ({'form': 'reference'}, "form is 'reference', must be 'auto' or 'recursive'"),
+])
+def test_bad_settings_are_one_sentence(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        pcs.Simulation(uniform_rods(1), **arguments)
+
+
+def test_bad_efforts_move_nothing():
+    simulation = pcs.Simulation(uniform_rods(3))
+    simulation.advance(10)
+    before = simulation.position.tobytes()
+    rows = np.zeros((5, 3))
+    rows[4, 1] = np.nan
+    for ticks, effort, message in [(5, rows, r'effort\[4, 1\] is nan'), (5, np.zeros(2), r'shape \(2,\), must have \(3,\)'),
+                                   (4, np.zeros((5, 3)), r'shape \(5, 3\), must have \(4, 3\)'),
+                                   (-1, None, 'ticks is -1'), (1.5, None, 'ticks is 1.5'), (1, np.inf, 'effort has shape')]:
+        with pytest.raises(ValueError, match=message):
+            simulation.advance(ticks, effort)
+    assert simulation.position.tobytes() == before and simulation.tick == 10
+
+
+def test_a_run_away_state_stops_at_the_last_good_one():
+    """A step far beyond what RK4 can hold: the energy explodes, and the state that is kept is the one before infinity."""
+    chain = one_joint(inertia=1.0, stiffness=1e4, position=1.0)
+    simulation, same = pcs.Simulation(chain, step=0.1), pcs.Simulation(chain, step=0.1)
+    with pytest.raises(pcs.SimulationError, match="joint 'joint' of one at tick .*ran away") as caught:
+        simulation.advance(100_000)
+    error = caught.value
+    assert error.tick == simulation.tick > 0 and error.time == simulation.time and error.joint == 'joint'
+    assert np.isfinite(simulation.position).all() and error.position.tobytes() == simulation.position.tobytes()
+    same.advance(error.tick)
+    assert same.position.tobytes() == simulation.position.tobytes()
+    simulation.set_state([0.0], [0.0])
+    simulation.advance(1)                       # it still answers
+
+
+def test_a_singular_configuration_on_the_way_stops_the_run():
+    chain = Chain('collinear', 0j, (
+        Body('link', -1, 0j, 0.0, 0.0, 0j, 0.0, 0.0, None, Joint('shoulder', 'rotation', 1.0)),
+        Body('bob', 0, 1 + 0j, 0.0, 1.0, 1 + 0j, 1.0, 0.0, None, Joint('elbow', 'rotation', 1.0))))
+    simulation = pcs.Simulation(chain)
+    with pytest.raises(pcs.SimulationError, match="joint 'shoulder' of collinear at tick 0, .*singular"):
+        simulation.advance(1)
+    assert simulation.tick == 0 and simulation.position.tolist() == [0.0, 0.0]
+
+
+def test_what_is_not_simulated_yet_is_never_ignored():
+    with pytest.raises(ValueError, match="joint 'joint' of one has `friction`"):
+        pcs.Simulation(one_joint(friction=0.1))
+    simulation = pcs.Simulation(one_joint(inertia=1.0, upper=0.5, velocity=1.0))
+    with pytest.raises(pcs.SimulationError, match="joint 'joint' of one .*reached a stop"):
+        simulation.advance(1000)
+    assert simulation.position[0] <= 0.5 and simulation.tick == 500 - (simulation.position[0] < 0.4999)
+
+
+@pytest.mark.parametrize('duration', [0.00055, -1.0, np.nan, np.inf])
+def test_rollout_refuses_a_duration_that_is_no_whole_number_of_steps(duration):
+    with pytest.raises(ValueError, match='must be a whole number >= 0 of steps'):
+        pcs.rollout(uniform_rods(1), duration)
+
+
+def test_rollout_shapes_and_plan_line():
+    chain = random_tree(2, bodies=4)
+    run = pcs.rollout(chain, 0.01)
+    joints = chain.joint_count
+    assert (run.time.shape, run.position.shape, run.velocity.shape, run.effort.shape) == (
+        (11,), (11, joints), (11, joints), (10, joints))
+    plan = str(pcs.Simulation(uniform_rods(4)).plan)
+    assert '\n' not in plan and 'skips slides, branches' in plan and 'rk4' in plan
+    copied = copy.deepcopy(chain)
+    assert pcs.rollout(copied, 0.01).position.tobytes() == run.position.tobytes()
