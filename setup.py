@@ -1,0 +1,89 @@
+"""Build planar_chain_sim: the one source of its metadata, read by pip and by colcon (several times per command)."""
+from glob import glob
+from pathlib import Path
+import sys
+
+from setuptools import Extension, find_packages, setup
+
+NAME = 'planar_chain_sim'
+BUILD_COMMANDS = {'build', 'build_ext', 'install', 'develop', 'bdist_wheel', 'editable_wheel'}
+
+
+def pybind11_include():
+    """Return the folder of pybind11's headers, empty where the compiler's own search path has them."""
+    try:
+        from pybind11 import get_include
+        return [get_include()]
+    except ImportError:
+        system = any(Path(folder, 'pybind11/pybind11.h').is_file() for folder in ('/usr/include', '/usr/local/include'))
+        # colcon builds without isolation, so nobody else installs pybind11; questions about metadata don't need it.
+        if not system and BUILD_COMMANDS.intersection(sys.argv):
+            sys.exit(f'{NAME} is compiled with pybind11, which {sys.executable} cannot find: '
+                     'run `apt install pybind11-dev` or `pip install pybind11`.')
+        return []
+
+
+setup(
+    name=NAME,
+    version='0.1.0',
+    description='Planar chains and trees of rigid bodies, simulated in real time and recorded so that a run repeats '
+                'bit for bit.',
+    maintainer='planar_chain_sim maintainers',
+    maintainer_email='maintainers@example.org',
+    license='Apache-2.0',
+    python_requires='>=3.10',
+    packages=find_packages(include=[NAME, f'{NAME}.*']),
+    ext_modules=[Extension(
+        f'{NAME}._kernel',
+        sources=[f'{NAME}/kernel/bindings.cpp'],  # by name: an empty glob would build a module with nothing in it
+        depends=sorted(glob(f'{NAME}/kernel/*.hpp')),
+        include_dirs=pybind11_include(),
+        language='c++',
+        # The same bits on every IEEE machine: no contraction, no fast-math (not even from CFLAGS), no -march.
+        extra_compile_args=['-std=c++17', '-O3', '-ffp-contract=off', '-fno-fast-math', '-fvisibility=hidden', '-g0'],
+    )],
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
+        (f'share/{NAME}', ['package.xml']),
+        (f'share/{NAME}/config', sorted(glob('config/*.yaml'))),
+    ],
+    include_package_data=False,  # the kernel is installed compiled, its sources stay here
+    zip_safe=False,
+    install_requires=[
+        'mcap>=1.6',    # the log file; flush() closes a chunk since 1.6
+        'numpy>=1.22',  # states and efforts; the reference form of the equations
+        'pyyaml',       # the chain file
+        'tqdm',         # progress of rollout and resimulate
+    ],
+    extras_require={
+        # ROS 2 Jazzy as wheels, for a machine without ROS; one with ROS from apt must not pull them.
+        'ros': [
+            'ros-jazzy-rclpy',
+            'ros-jazzy-common-interfaces',   # sensor_msgs, std_msgs, std_srvs
+            'ros-jazzy-rmw-fastrtps-cpp',    # a real DDS: Jazzy's default
+        ],
+        'test': [
+            'pytest',
+            'hypothesis',                # random chains, files and messages
+            'mpmath',                    # 50-digit reference values
+            'mujoco', 'pin',             # independent dynamics libraries as oracles
+            'scipy',                     # independent integrator
+            'rosbags', 'mcap-ros2-support',  # independent readers of the log
+            'colcon-common-extensions',  # the ROS 2 build, both layouts
+            'setuptools<80',             # 80 dropped `develop --editable`, without which colcon cannot symlink
+            'pybind11>=2.11',            # colcon builds without isolation
+            'flake8', 'flake8-docstrings', 'flake8-import-order', 'flake8-quotes',  # the rules of ament_lint
+        ],
+        'benchmark': [
+            'mujoco', 'pin', 'scipy',    # peers
+            'heyoka',                    # Taylor integrator: references at round-off
+            'matplotlib',                # pictures from the CSV
+        ],
+    },
+    entry_points={'console_scripts': [
+        f'simulator = {NAME}.ros.node:main',
+        f'replay = {NAME}.ros.replay:main',
+        f'rollout = {NAME}.recording.rollout:main',
+        f'resimulate = {NAME}.recording.resimulation:main',
+    ]},
+)
