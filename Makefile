@@ -1,0 +1,72 @@
+# `make run` and `make test` set up all they need in .venv, on first use and whenever it is stale.
+#   make run ARGS='--ros-args -p rate:=500.0'    PYTHON=python3.12 picks the Python of a new .venv
+VENV := .venv
+PY := $(VENV)/bin/python
+KERNEL := planar_chain_sim/kernel
+
+# Scripts in a virtual environment hold absolute paths, so one that was moved or copied is stale: stamps bear the folder.
+FOLDER := $(shell pwd | cksum | cut -d ' ' -f 1)
+RUN_READY := $(VENV)/run-ready-$(FOLDER)
+TEST_READY := $(VENV)/test-ready-$(FOLDER)
+RUN_EXTRAS := ros
+TEST_EXTRAS := ros,test
+SOURCES := setup.py pyproject.toml $(wildcard $(KERNEL)/*)
+
+# The packages of a sourced ROS belong to its own Python; here everything comes from .venv.
+unexport PYTHONPATH PYTHONHOME AMENT_PREFIX_PATH COLCON_PREFIX_PATH CMAKE_PREFIX_PATH
+
+# Stay on this machine unless told otherwise.
+export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
+
+.PHONY: run test lint colcon clean
+.NOTPARALLEL:
+
+run: $(RUN_READY)
+	@exec $(VENV)/bin/simulator $(ARGS)
+
+test: $(TEST_READY)
+	$(PY) -m pytest $(ARGS)
+
+lint: $(TEST_READY)
+	$(PY) -m flake8
+	$(CXX) -std=c++17 -fsyntax-only -Wall -Wextra -Wpedantic -Werror $(KERNEL)/bindings.cpp \
+	  $$($(PY) -c 'import pybind11, sysconfig; print("-isystem", sysconfig.get_path("include"), "-isystem", pybind11.get_include())')
+
+# Both layouts of the ROS 2 build, below build/: copied files, and links to the sources.
+COLCON = PATH="$(CURDIR)/$(VENV)/bin:$$PATH" colcon --log-base build/log
+colcon: $(TEST_READY)
+	$(COLCON) build --build-base build/copied --install-base build/install-copied
+	$(COLCON) build --build-base build/linked --install-base build/install-linked --symlink-install
+
+# A candidate is run, not looked up: a name on the PATH can be a shim that fails, or lack venv or the C headers.
+CANDIDATES := $(or $(PYTHON),python3.14 python3.13 python3.12 python3.11 python3.10 python3)
+WORKS := import ensurepip, os, sys, sysconfig, venv; \
+  sys.exit(sys.version_info < (3, 10) or not os.path.exists(sysconfig.get_path("include") + "/Python.h"))
+# Built with the tools that colcon will find, not in isolation: an edited kernel then compiles with no network at hand.
+BUILD_TOOLS := 'setuptools>=70.1,<80' 'pybind11>=2.11'
+PIP := $(PY) -m pip install --quiet --disable-pip-version-check --no-compile
+define set_up
+	@command -v $(CXX) >/dev/null || { echo 'no C++ compiler $(CXX): install one or name it with CXX=...' >&2; exit 1; }
+	@for python in $(if $(wildcard $(VENV)/*-ready-$(FOLDER)),$(PY)) $(CANDIDATES) none; do \
+	  $$python -c '$(WORKS)' 2>/dev/null && break; done; \
+	case $$python in \
+	  $(PY)) ;; \
+	  none) echo 'no Python 3.10 or newer with venv and C headers: install python3-venv and python3-dev,' \
+	    'or name one with PYTHON=/path/to/python3' >&2; exit 1 ;; \
+	  *) $$python -m venv --clear $(VENV) ;; \
+	esac
+	$(PIP) $(BUILD_TOOLS)
+	$(PIP) --no-build-isolation --editable '.[$(1)]'
+endef
+
+$(RUN_READY): $(SOURCES)
+	$(call set_up,$(RUN_EXTRAS))
+	@touch $(RUN_READY)
+
+$(TEST_READY): $(SOURCES)
+	$(call set_up,$(TEST_EXTRAS))
+	@touch $(RUN_READY) $(TEST_READY)
+
+clean:
+	rm -rf $(VENV) build dist *.egg-info .pytest_cache .hypothesis planar_chain_sim/_kernel*.so
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
