@@ -114,14 +114,33 @@ class Simulation:
         shape = (self.chain.joint_count,)
         self._stepper.set_state(joint_array('position', position, shape), joint_array('velocity', velocity, shape))
 
-    def advance(self, ticks: int, effort=None) -> None:
+    def advance(self, ticks: int, effort=None, record: Optional[tuple] = None) -> None:
         """
         Go on for `ticks` ticks under `effort`: (joints,) is held, (ticks, joints) is a row per tick, None is zero. N m or N.
 
+        `record`: three C-ordered float64 arrays (ticks, joints) that take position, velocity and acted effort of every tick.
         ValueError: bad count, shape or value, before anything moves. SimulationError: singular or not finite; the last good
         state stays.
         """
-        self._advance(ticks, effort, None)
+        if not isinstance(ticks, (int, np.integer)) or isinstance(ticks, bool) or ticks < 0:
+            raise ValueError(f'ticks is {ticks!r}, must be a whole number >= 0')
+        if effort is None:
+            effort = self._zero
+        else:
+            joints = self.chain.joint_count
+            effort = joint_array('effort', effort, (joints,) if np.ndim(effort) == 1 else (ticks, joints))
+        for rows in record or ():
+            if rows.shape != (ticks, len(self._zero)) or rows.dtype != np.float64 or not rows.flags.c_contiguous:
+                raise ValueError(f'record has an array of {rows.dtype} and shape {rows.shape}, must be C-ordered float64 of shape '
+                                 f'{(ticks, len(self._zero))}')
+        done, outcome, joint = self._stepper.advance(ticks, effort, record)
+        self._tick += done
+        if outcome:
+            name = self.chain.joint_names[joint]
+            raise SimulationError(
+                f"joint '{name}' of {self.chain.name} at tick {self._tick}, t = {self.time!r} s: {_WHY[outcome]}; "
+                'the last good state is kept', joint=name, time=self.time, tick=self._tick,
+                position=self.position, velocity=self.velocity)
 
     def advance_to(self, time: float, effort=None) -> None:
         """Go on to `time` s, a whole number of ticks away and not backwards, else ValueError; `effort` as in advance."""
@@ -144,23 +163,6 @@ class Simulation:
             raise ValueError(f'checkpoint has {saved.state[0].size} joints, must have {self._zero.size}')
         self._stepper.load(*saved.state)
         self._tick = saved.tick
-
-    def _advance(self, ticks, effort, record) -> None:
-        if not isinstance(ticks, (int, np.integer)) or isinstance(ticks, bool) or ticks < 0:
-            raise ValueError(f'ticks is {ticks!r}, must be a whole number >= 0')
-        if effort is None:
-            effort = self._zero
-        else:
-            joints = self.chain.joint_count
-            effort = joint_array('effort', effort, (joints,) if np.ndim(effort) == 1 else (ticks, joints))
-        done, outcome, joint = self._stepper.advance(ticks, effort, record)
-        self._tick += done
-        if outcome:
-            name = self.chain.joint_names[joint]
-            raise SimulationError(
-                f"joint '{name}' of {self.chain.name} at tick {self._tick}, t = {self.time!r} s: {_WHY[outcome]}; "
-                'the last good state is kept', joint=name, time=self.time, tick=self._tick,
-                position=self.position, velocity=self.velocity)
 
 
 @dataclass(frozen=True)
@@ -189,9 +191,9 @@ def rollout(chain: Chain, duration: float, step: float = 1e-3, method: str = 'au
     if callable(effort):
         for k in range(ticks):
             wanted = effort(simulation.time, position[k].copy(), velocity[k].copy())
-            simulation._advance(1, wanted, (position[k + 1:k + 2], velocity[k + 1:k + 2], acted[k:k + 1]))
+            simulation.advance(1, wanted, (position[k + 1:k + 2], velocity[k + 1:k + 2], acted[k:k + 1]))
     else:
-        simulation._advance(ticks, effort, (position[1:], velocity[1:], acted))
+        simulation.advance(ticks, effort, (position[1:], velocity[1:], acted))
     return Run(np.arange(ticks + 1) * simulation.step, position, velocity, acted)
 
 

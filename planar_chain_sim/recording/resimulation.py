@@ -1,0 +1,153 @@
+"""
+resimulate: run a log's chain, method, step and changes again and compare with its states, bit for bit.
+
+The changes are the log's events: one that carries an `effort` sets what is held from its tick on, `reset` puts back the state the
+log began with. How and when commands arrived plays no part any more.
+"""
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import dataclass
+from typing import Optional
+
+import numpy as np
+
+from ..command_line import Parser, run_command
+from ..dynamics import SimulationError
+from ..simulation import Simulation
+from .cdr import CdrError, decode_joint_state, decode_string
+from .log_reader import Log, LogMessage, read_log
+from .log_writer import LogError
+from .run_settings import simulation_of
+
+QUANTITIES = ('position', 'velocity', 'effort')
+
+
+@dataclass(frozen=True)
+class Difference:
+    """The first place where a log and its re-run part: time s, tick, joint, quantity, and both values."""
+
+    time: float
+    tick: int
+    joint: str
+    quantity: str
+    logged: float
+    computed: float
+
+    def __str__(self):
+        return (f"t = {self.time!r} s, tick {self.tick}, joint '{self.joint}': {self.quantity} is {self.logged!r} in the log and "
+                f'{self.computed!r} when computed again')
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Outcome of a re-run: number of states compared and the first difference, None where all are equal."""
+
+    states: int
+    ticks: int
+    difference: Optional[Difference]
+
+
+def resimulate(log: Log) -> Verdict:
+    """Run `log` again up to its end or its first difference; LogError where it cannot be followed."""
+    rerun = _Rerun(log)
+    for message in log.messages:
+        difference = rerun.follow(message)
+        if difference is not None:
+            return Verdict(rerun.states, rerun.simulation.tick, difference)
+    if rerun.states == 0:
+        raise LogError(f'log {str(log.path)!r}: it holds no state to compare with')
+    return Verdict(rerun.states, rerun.simulation.tick, None)
+
+
+class _Rerun:
+    """The simulation of a log as it follows the log's messages one by one."""
+
+    def __init__(self, log: Log):
+        self._log = log
+        self.simulation: Simulation = simulation_of(log)
+        self._start = self.simulation.position, self.simulation.velocity
+        self._held = np.zeros(self.simulation.chain.joint_count)
+        self._topics = log.settings['state_topic'], log.settings['events_topic']
+        self.states = 0
+
+    def follow(self, message: LogMessage) -> Optional[Difference]:
+        state_topic, events_topic = self._topics
+        try:
+            if message.topic == events_topic:
+                self._change(json.loads(decode_string(message.data)))
+            elif message.topic == state_topic:
+                return self._compare(message)
+        except (CdrError, ValueError, KeyError, TypeError, AttributeError) as error:
+            raise self._unreadable(f'a message on {message.topic} cannot be followed ({type(error).__name__}: {error})') from None
+        return None
+
+    def _change(self, event: dict) -> None:
+        """Let an event act at its tick, which is where the re-run stands."""
+        effort = event['data'].get('effort')
+        if effort is None and event['kind'] != 'reset':
+            return
+        if event['tick'] != self.simulation.tick:
+            raise self._unreadable(f"event '{event['kind']}' of tick {event['tick']} comes at tick {self.simulation.tick}")
+        if event['kind'] == 'reset':
+            self.simulation.set_state(*self._start)
+            self._held = np.zeros_like(self._held)
+        if effort is not None:
+            self._held = np.array(effort, dtype=np.float64)
+
+    def _compare(self, message: LogMessage) -> Optional[Difference]:
+        simulation = self.simulation
+        ahead = (message.sequence - simulation.tick) % 2**32   # the log keeps ticks modulo 2^32
+        if ahead > 1:
+            raise self._unreadable(f'its state of tick {message.sequence} does not follow tick {simulation.tick}')
+        logged = decode_joint_state(message.data)
+        if logged.names != simulation.chain.joint_names:
+            raise self._unreadable(f'its state of tick {message.sequence} names other joints than its chain')
+        if ahead:
+            try:
+                simulation.advance(1, self._held)
+            except SimulationError as error:
+                raise self._unreadable(f'its states go on where the simulation stops ({error})') from None
+        self.states += 1
+        computed = {quantity: getattr(simulation, quantity) for quantity in QUANTITIES}
+        if all(getattr(logged, quantity).tobytes() == computed[quantity].tobytes() for quantity in QUANTITIES):
+            return None
+        for quantity in QUANTITIES:
+            if getattr(logged, quantity).shape != computed[quantity].shape:
+                raise self._unreadable(f'its state of tick {message.sequence} lacks values of {quantity}')
+        return self._first_difference(logged, computed)
+
+    def _first_difference(self, logged, computed: dict) -> Difference:
+        for joint, name in enumerate(self.simulation.chain.joint_names):
+            for quantity in QUANTITIES:
+                got, wanted = getattr(logged, quantity)[joint], computed[quantity][joint]
+                if got.tobytes() != wanted.tobytes():
+                    return Difference(self.simulation.time, self.simulation.tick, name, quantity, float(got), float(wanted))
+        raise AssertionError('unreachable: some bit differs')
+
+    def _unreadable(self, why: str) -> LogError:
+        return LogError(f'log {str(self._log.path)!r}: {why}')
+
+
+def main(arguments=None) -> int:
+    """Exit 0: every state equal, bit for bit; 1: different, first difference on stdout; 2: unreadable."""
+    return run_command('resimulate', _resimulate_file, arguments)
+
+
+def _resimulate_file(arguments) -> int:
+    parser = Parser('resimulate', 'Run the chain of a log again, with its method, step and changes, and compare all states bit for '
+                    'bit.\nExit code 0: equal; 1: different; 2: the log cannot be read.', 'resimulate run.mcap')
+    parser.add_argument('log', help='MCAP log of the simulator or of rollout')
+    log = read_log(parser.parse_args(arguments).log)
+    verdict = resimulate(log)
+    torn = '' if log.complete else '; the log was not closed properly, what is whole was compared'
+    if verdict.difference is not None:
+        print(f'different: {verdict.difference}{torn}')
+        return 1
+    print(f'equal: {verdict.states} states over {verdict.ticks} ticks, bit for bit{torn}')
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

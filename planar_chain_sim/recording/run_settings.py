@@ -1,0 +1,49 @@
+"""What decides a run besides its chain and its changes, as text in the log that loses no bit; and the way back."""
+from __future__ import annotations
+
+import json
+from platform import machine
+
+import numpy as np
+
+from .. import __version__, _kernel
+from ..chain import ChainError
+from ..chain_yaml import chain_from_text
+from ..simulation import Checkpoint, Simulation
+from .log_reader import Log
+from .log_writer import LogError
+
+FORMAT = '1'
+
+
+def settings_of(simulation: Simulation, state_topic: str, events_topic: str) -> dict[str, str]:
+    """Return the metadata 'planar_chain_sim' of a log that begins at the simulation's present tick and state."""
+    return {
+        'format': FORMAT, 'version': __version__, 'build': f'{_kernel.compiler} {machine()}',
+        'method': simulation.method, 'step': simulation.step.hex(), 'form': simulation.form,
+        'tolerance': '' if simulation.tolerance is None else float(simulation.tolerance).hex(),
+        'joint_names': json.dumps(simulation.chain.joint_names),
+        'state_topic': state_topic, 'events_topic': events_topic, 'tick': str(simulation.tick),
+        'position': json.dumps([value.hex() for value in simulation.position.tolist()]),
+        'velocity': json.dumps([value.hex() for value in simulation.velocity.tolist()])}
+
+
+def simulation_of(log: Log) -> Simulation:
+    """Return the simulation a log begins with, at its start; LogError where the log's chain or settings make none."""
+    settings = log.settings
+    try:
+        if settings['format'] != FORMAT:
+            raise ValueError(f'format is {settings["format"]!r}, must be {FORMAT!r}')
+        chain = chain_from_text(log.chain_text, f'{log.path}: chain.yaml')
+        tolerance = float.fromhex(settings['tolerance']) if settings['tolerance'] else None
+        simulation = Simulation(chain, settings['method'], float.fromhex(settings['step']), tolerance, settings['form'])
+        if tuple(json.loads(settings['joint_names'])) != chain.joint_names:
+            raise ValueError('joint_names are not those of its chain.yaml')
+        start = [np.array([float.fromhex(value) for value in json.loads(settings[key])]) for key in ('position', 'velocity')]
+        simulation.set_state(*start)
+        simulation.restore(Checkpoint(int(settings['tick']), simulation.checkpoint().state))
+    except KeyError as error:
+        raise LogError(f'log {str(log.path)!r}: its settings lack {error}') from None
+    except (ChainError, ValueError, TypeError, OverflowError) as error:
+        raise LogError(f'log {str(log.path)!r}: {error}') from None
+    return simulation

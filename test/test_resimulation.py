@@ -1,0 +1,217 @@
+"""rollout and resimulate as commands: equal bits, a flipped bit named, mistakes told in one sentence, and all of it without ROS."""
+import json
+import struct
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import planar_chain_sim as pcs
+from planar_chain_sim.recording import resimulation, rollout
+from planar_chain_sim.recording.cdr import JointStateLayout, decode_joint_state, encode_string
+from planar_chain_sim.recording.log_reader import read_log
+from planar_chain_sim.recording.log_writer import LogWriter
+from planar_chain_sim.recording.rosbag2_profile import Channel
+
+ROBOT = 'four_link_robot.yaml'
+
+
+@pytest.fixture(scope='module')
+def efforts(tmp_path_factory):
+    path = tmp_path_factory.mktemp('efforts') / 'efforts.csv'
+    np.savetxt(path, np.random.default_rng(0).normal(size=(300, 5)).repeat(5, axis=0), delimiter=',')
+    return path
+
+
+@pytest.fixture(scope='module')
+def log(tmp_path_factory, efforts):
+    path = tmp_path_factory.mktemp('log') / 'run.mcap'
+    assert rollout.main([ROBOT, '--output', str(path), '--effort', str(efforts)]) == 0
+    return path
+
+
+def rewritten(log, path, change=lambda message: message.data, chain_text=None, settings=None, keep=lambda message: True):
+    """A copy of the log with messages, chain or settings changed."""
+    old = read_log(log)
+    topics = {message.topic: message.type_name for message in old.messages}
+    with LogWriter(path, [Channel(*item) for item in topics.items()],
+                   {'chain.yaml': (old.chain_text if chain_text is None else chain_text).encode()},
+                   {'planar_chain_sim': {**old.settings, **(settings or {})}}) as writer:
+        for message in filter(keep, old.messages):
+            writer.write(message.topic, change(message), message.log_time, message.publish_time, message.sequence)
+    return path
+
+
+def test_log_holds_every_tick_and_the_run_of_the_python_function(log, efforts):
+    rows = np.loadtxt(efforts, delimiter=',')
+    run = pcs.rollout(pcs.load_chain(ROBOT), 1.5, effort=rows)
+    states = [message for message in read_log(log).messages if message.topic == '/joint_states']
+    decoded = [decode_joint_state(message.data) for message in states]
+    assert [message.sequence for message in states] == list(range(1501))
+    assert [message.log_time for message in states] == [k * 1_000_000 for k in range(1501)] == [d.stamp for d in decoded]
+    assert np.array([d.position for d in decoded]).tobytes() == run.position.tobytes()
+    assert np.array([d.velocity for d in decoded]).tobytes() == run.velocity.tobytes()
+    assert np.array([d.effort for d in decoded[1:]]).tobytes() == run.effort.tobytes()
+    events = [message for message in read_log(log).messages if message.topic == '/simulator/events']
+    assert len(events) == 300      # one where the effort changes, none where it is held
+
+
+def test_resimulate_says_equal(log, capsys):
+    assert resimulation.main([str(log)]) == 0
+    assert capsys.readouterr().out == 'equal: 1501 states over 1500 ticks, bit for bit\n'
+
+
+@pytest.mark.parametrize('quantity, joint, tick', [('position', 0, 0), ('velocity', 3, 700), ('effort', 4, 1500)])
+def test_one_flipped_bit_in_the_file_is_named(log, tmp_path, capsys, quantity, joint, tick):
+    """The lowest bit of one number, changed in the file's own bytes: the chunk's check sum doesn't hide which one it was."""
+    chain, found = pcs.load_chain(ROBOT), None
+    for message in read_log(log).messages:
+        if message.topic == '/joint_states' and message.sequence == tick:
+            found = message.data
+    content = bytearray(log.read_bytes())
+    layout = JointStateLayout(chain.joint_names)
+    start = content.index(found)
+    assert content.find(found, start + 1) == -1
+    clean = layout.to_bytes()
+    getattr(layout, quantity)[joint] = struct.unpack('<d', b'\xff' * 6 + b'\xef\x3f')[0]     # all bits of the mantissa
+    offset = next(k for k, (a, b) in enumerate(zip(clean, layout.to_bytes())) if a != b)
+    content[start + offset] ^= 1
+    flipped = tmp_path / 'flipped.mcap'
+    flipped.write_bytes(content)
+    assert resimulation.main([str(flipped)]) == 1
+    said = capsys.readouterr().out
+    assert said.startswith(f"different: t = {tick * 1e-3!r} s, tick {tick}, joint '{chain.joint_names[joint]}': {quantity} is ")
+
+
+def test_another_chain_or_method_setting_is_a_difference(log, tmp_path, capsys):
+    text = read_log(log).chain_text.replace('mass: 2.0', 'mass: 2.0000000000000004')
+    assert resimulation.main([str(rewritten(log, tmp_path / 'heavier.mcap', chain_text=text))]) == 1
+    assert resimulation.main([str(rewritten(log, tmp_path / 'faster.mcap', settings={'step': (1.0000001e-3).hex()}))]) == 1
+    assert 'different: t = 0.001' in capsys.readouterr().out
+
+
+def test_reset_and_repeated_events_act_at_their_tick(tmp_path, capsys):
+    """A log as the node writes it: commands, a reset between two ticks with its state once more, a pause that changes nothing."""
+    chain = pcs.load_chain(ROBOT)
+    simulation = pcs.Simulation(chain)
+    path = tmp_path / 'live.mcap'
+    layout = JointStateLayout(chain.joint_names)
+    start = simulation.position, simulation.velocity
+    with rollout.OfflineLog(path, simulation) as log:
+        def state():
+            log.write_state(simulation.tick, simulation.position, simulation.velocity, simulation.effort)
+        for k in range(50):
+            effort = np.full(5, 0.1 * k)
+            log.write_command(simulation.tick, effort - 1.0)      # overtaken at the same tick by the next
+            log.write_command(simulation.tick, effort)
+            simulation.advance(1, effort)
+            state()
+        log._write_event(50, 'pause')
+        log._write_event(50, 'reset')
+        simulation.set_state(*start)
+        state()
+        simulation.advance(1)
+        state()
+    assert layout.effort.size == 5
+    assert resimulation.main([str(path)]) == 0
+    assert capsys.readouterr().out == 'equal: 53 states over 51 ticks, bit for bit\n'
+    # without the reset the same states cannot come about
+    def is_reset(message):
+        return message.topic == '/simulator/events' and b'reset' in message.data
+    assert resimulation.main([str(rewritten(path, tmp_path / 'no_reset.mcap', keep=lambda message: not is_reset(message)))]) == 1
+
+
+@pytest.mark.parametrize('name, options, message', [
+    ('lost tick', {'keep': lambda m: not (m.topic == '/joint_states' and m.sequence == 17)}, 'tick 18 does not follow tick 16'),
+    ('no state', {'keep': lambda m: m.topic != '/joint_states'}, 'comes at tick|holds no state'),
+    ('bad event', {'change': lambda m: encode_string('{]') if m.topic != '/joint_states' else m.data}, 'cannot be followed'),
+    ('event without data', {'change': lambda m: encode_string('[]') if m.topic != '/joint_states' else m.data}, 'cannot be followed'),
+    ('torn state', {'change': lambda m: m.data[:-9] if m.topic == '/joint_states' else m.data}, 'cannot be followed'),
+    ('bad chain', {'chain_text': 'bodies: 3'}, 'chain.yaml'),
+    ('bad method', {'settings': {'method': 'magic'}}, "method is 'magic'"),
+    ('bad format', {'settings': {'format': '7'}}, "format is '7', must be '1'"),
+    ('bad step', {'settings': {'step': 'x'}}, 'x'),
+    ('bad names', {'settings': {'joint_names': json.dumps(['a'])}}, 'joint_names are not those'),
+    ('bad start', {'settings': {'position': '["0x1p0"]'}}, 'position has shape'),
+])
+def test_logs_that_cannot_be_followed_exit_2_with_one_sentence(log, tmp_path, capsys, name, options, message):
+    assert resimulation.main([str(rewritten(log, tmp_path / 'bad.mcap', **options))]) == 2
+    said = capsys.readouterr()
+    assert said.out == '' and said.err.count('\n') == 1 and said.err.startswith('resimulate: log ')
+    assert any(part in said.err for part in message.split('|')), said.err
+
+
+@pytest.mark.parametrize('arguments, message', [
+    ([], 'the following arguments are required: chain'),
+    (['missing.yaml'], 'missing.yaml'),
+    ([ROBOT, '--effort', '1,2'], r'has shape (2,), must have (5,)'),
+    ([ROBOT, '--effort', '1,2,3,nan,5'], '[3] is nan, must be finite'),
+    ([ROBOT, '--effort', 'missing.csv'], "--effort 'missing.csv'"),
+    ([ROBOT, '--duration', '0.00001'], 'must be a whole number >= 0 of steps'),
+    ([ROBOT, '--duration', 'nan'], 'duration is nan'),
+    ([ROBOT, '--step', '0'], 'step is 0.0, must be a positive'),
+    ([ROBOT, '--method', 'rk5'], 'rk5'),
+    ([ROBOT, '--output', 'no/such/folder/run.mcap'], 'does not exist'),
+    ([ROBOT, '--output', '.'], 'directory'),
+])
+def test_mistakes_of_rollout_exit_2_with_one_sentence(tmp_path, monkeypatch, capsys, arguments, message):
+    monkeypatch.chdir(tmp_path)
+    assert rollout.main(arguments) == 2
+    said = capsys.readouterr().err
+    assert said.count('\n') == 1 and said.startswith('rollout: ') and message in said
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_rollout_does_not_overwrite(log, capsys):
+    assert rollout.main([ROBOT, '--output', str(log)]) == 2
+    assert 'not overwritten' in capsys.readouterr().err
+
+
+def test_a_run_that_runs_away_is_logged_up_to_there(tmp_path, capsys):
+    path, output = tmp_path / 'stiff.yaml', tmp_path / 'stiff.mcap'
+    path.write_text('name: stiff\nbodies:\n- {name: b, carrier: base, mass: 1, inertia_com: 1,\n'
+                    '   rotation: {joint: j, stiffness: 1e8, position: 1}}\n')
+    assert rollout.main([str(path), '--output', str(output)]) == 2
+    assert "joint 'j' of stiff at tick " in capsys.readouterr().err
+    last = list(read_log(output).messages)[-1]
+    assert json.loads(last.data[8:-1])['kind'] == 'divergence'
+    assert resimulation.main([str(output)]) == 0
+
+
+WITHOUT_ROS = '''
+import sys
+
+class NoRos:
+    def find_spec(self, name, path=None, target=None):
+        if name.split('.')[0] in {'rclpy', 'ament_index_python', 'sensor_msgs', 'std_msgs', 'std_srvs', 'builtin_interfaces',
+                                  'rosidl_runtime_py', 'rosgraph_msgs'}:
+            raise ImportError(f'{name} is blocked')
+
+sys.meta_path.insert(0, NoRos())
+try:
+    import rclpy
+except ImportError:
+    pass
+else:
+    raise SystemExit('rclpy is not blocked')
+import planar_chain_sim as pcs
+from planar_chain_sim.recording import resimulation, rollout
+for name in pcs.__all__:
+    getattr(pcs, name)
+run = pcs.rollout(pcs.load_chain('four_link_robot.yaml'), 0.1)
+assert rollout.main(['four_link_robot.yaml', '--duration', '0.5', '--output', sys.argv[1]]) == 0
+assert resimulation.main([sys.argv[1]]) == 0
+assert not {name for name in sys.modules if name.split('.')[0] == 'rclpy'}
+from planar_chain_sim.ros.node import main
+raise SystemExit(main([]))
+'''
+
+
+def test_without_ros_everything_but_the_node_works(tmp_path):
+    done = subprocess.run([sys.executable, '-c', WITHOUT_ROS, str(tmp_path / 'run.mcap')], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2, done.stderr
+    assert 'equal: 501 states' in done.stdout
+    assert done.stderr.count('\n') == 1 and done.stderr.startswith('simulator: ') and 'ROS 2' in done.stderr
+    assert Path(tmp_path / 'run.mcap').exists()
