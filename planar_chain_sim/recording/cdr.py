@@ -1,0 +1,211 @@
+"""
+CDR: the bytes of the few ROS messages that this package writes and reads itself, with no ROS installed.
+
+The encoding is plain CDR, version 1 (OMG DDS-XTypes 1.3, section 7.4; DDSI-RTPS 2.3, section 10), which every ROS 2
+middleware puts on the wire: four bytes of encapsulation, then the fields in order, each number aligned to its own size
+counted from the end of the encapsulation. A string is a uint32 length (closing NUL included), UTF-8 bytes and the NUL;
+a sequence is a uint32 count and its elements, with no alignment gap when it is empty. Bytes after the end are ignored:
+rmw_fastrtps sizes its buffers generously and sends what happens to lie there.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from struct import error as StructError, Struct
+from typing import Sequence
+
+import numpy as np
+
+_ENCAPSULATION = b'\x00\x01\x00\x00'                         # little-endian plain CDR, no options
+_STAMP = Struct('<iI')
+_COUNT = Struct('<I')
+_ENCODINGS = {                                               # first two bytes -> stamp, count, float64 as they follow
+    b'\x00\x01': (_STAMP, _COUNT, np.dtype('<f8')),
+    b'\x00\x00': (Struct('>iI'), Struct('>I'), np.dtype('>f8')),
+}
+
+
+class CdrError(ValueError):
+    """Bytes that are not the message they should be, or a text that CDR cannot carry: one sentence."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointStateMessage:
+    """
+    A decoded sensor_msgs/msg/JointState.
+
+    stamp: ns. position (rad or m), velocity (rad/s or m/s), effort (N m or N): float64 arrays as long as they were
+    found, so a ragged message is seen as one.
+    """
+
+    stamp: int
+    frame_id: str
+    names: tuple
+    position: np.ndarray
+    velocity: np.ndarray
+    effort: np.ndarray
+
+
+class JointStateLayout:
+    """
+    One sensor_msgs/msg/JointState of fixed names and frame, laid out once and patched in place for every tick.
+
+    position, velocity, effort: float64 views (joints,) into the message; SI units. Alignment gaps are zero, so equal
+    states give equal bytes. CdrError on a name or frame_id that holds a NUL or is no Unicode text.
+    """
+
+    def __init__(self, joint_names: Sequence[str], frame_id: str = ''):
+        joints = len(joint_names)
+        body = bytearray(_STAMP.size)
+        _append_string(body, frame_id)
+        _append_count(body, joints)
+        for name in joint_names:
+            _append_string(body, name)
+        starts = [_append_float64_array(body, np.zeros(joints)) for _ in range(3)]
+
+        # Four spare bytes in front put the body, and with it every float64, on a multiple of eight in memory.
+        memory = np.frombuffer(bytearray(4) + _ENCAPSULATION + body, np.uint8)
+        self._message = memory[4:]
+        self._stamp = memory[8:16].data
+        self.position, self.velocity, self.effort = (
+            memory[8 + start:8 + start + 8 * joints].view('<f8') for start in starts)
+
+    def set_stamp(self, nanoseconds: int) -> None:
+        """Put the time (int, ns) into header.stamp; CdrError where its seconds do not fit into an int32."""
+        try:
+            _STAMP.pack_into(self._stamp, 0, *divmod(nanoseconds, 1_000_000_000))
+        except StructError:
+            raise CdrError(f'stamp {nanoseconds} ns: its seconds do not fit into the int32 of ROS time') from None
+
+    def to_bytes(self) -> bytes:
+        """Return a copy of the message as it stands, encapsulation included."""
+        return self._message.tobytes()
+
+
+def decode_joint_state(data) -> JointStateMessage:
+    """Decode a sensor_msgs/msg/JointState (bytes-like, encapsulation included); CdrError if it is none."""
+    cursor = _Cursor(data, 'sensor_msgs/msg/JointState')
+    seconds, nanoseconds = cursor.stamp()
+    return JointStateMessage(
+        stamp=seconds * 1_000_000_000 + nanoseconds,
+        frame_id=cursor.string(),
+        names=tuple([cursor.string() for _ in range(cursor.count(4))]),
+        position=cursor.float64_array(),
+        velocity=cursor.float64_array(),
+        effort=cursor.float64_array())
+
+
+def decode_float64_multi_array(data) -> np.ndarray:
+    """Decode a std_msgs/msg/Float64MultiArray to its float64 data (n,), the layout unread; CdrError if it is none."""
+    cursor = _Cursor(data, 'std_msgs/msg/Float64MultiArray')
+    for _ in range(cursor.count(12)):
+        cursor.string()                                      # label
+        cursor.count(0)                                      # size
+        cursor.count(0)                                      # stride
+    cursor.count(0)                                          # data_offset
+    return cursor.float64_array()
+
+
+def encode_float64_multi_array(values) -> bytes:
+    """Encode a std_msgs/msg/Float64MultiArray with an empty layout; values (n,), CdrError on another shape."""
+    values = np.asarray(values, np.float64)
+    if values.ndim != 1:
+        raise CdrError(f'std_msgs/msg/Float64MultiArray: the values have shape {values.shape}, must be (n,)')
+    body = bytearray()
+    _append_count(body, 0)                                   # no dimension is described
+    _append_count(body, 0)                                   # data_offset
+    _append_float64_array(body, values)
+    return _ENCAPSULATION + body
+
+
+def decode_string(data) -> str:
+    """Decode a std_msgs/msg/String to its text; CdrError if it is none."""
+    return _Cursor(data, 'std_msgs/msg/String').string()
+
+
+def encode_string(text: str) -> bytes:
+    """Encode a std_msgs/msg/String; CdrError on a text that holds a NUL or is no Unicode text."""
+    body = bytearray()
+    _append_string(body, text)
+    return _ENCAPSULATION + body
+
+
+def _align(body: bytearray, size: int) -> None:
+    body.extend(bytes(-len(body) % size))
+
+
+def _append_count(body: bytearray, count: int) -> None:
+    _align(body, 4)
+    body.extend(_COUNT.pack(count))
+
+
+def _append_string(body: bytearray, text: str) -> None:
+    try:
+        encoded = text.encode()
+    except UnicodeEncodeError:
+        raise CdrError(f'text {text!r}: it is no Unicode text, so a ROS string cannot carry it') from None
+    if b'\0' in encoded:
+        raise CdrError(f'text {text!r}: it holds a NUL, which ends a ROS string')
+    _append_count(body, len(encoded) + 1)
+    body.extend(encoded + b'\0')
+
+
+def _append_float64_array(body: bytearray, values: np.ndarray) -> int:
+    """Append a float64 sequence and return where its first element lies."""
+    _append_count(body, len(values))
+    if len(values):
+        _align(body, 8)
+    start = len(body)
+    body.extend(values.astype('<f8').tobytes())
+    return start
+
+
+class _Cursor:
+    """A place in a CDR message; each read checks what is left before it takes, so a false count allocates nothing."""
+
+    def __init__(self, data, type_name: str):
+        data = memoryview(data).cast('B')
+        self._type_name = type_name
+        if len(data) < 4 or bytes(data[:2]) not in _ENCODINGS:
+            raise self._malformed(f'it begins with {bytes(data[:4]).hex() or "nothing"}, must be 00010000 or 00000000')
+        self._stamp, self._count, self._float64 = _ENCODINGS[bytes(data[:2])]
+        self._body = data[4:]
+        self._offset = 0
+
+    def stamp(self) -> tuple:
+        """Read builtin_interfaces/Time: seconds, nanoseconds."""
+        return self._stamp.unpack_from(self._body, self._take(8, 4))
+
+    def count(self, element_size: int) -> int:
+        """Read a uint32; that many elements of at least element_size bytes must fit into what is left."""
+        number, = self._count.unpack_from(self._body, self._take(4, 4))
+        if number * element_size > len(self._body) - self._offset:
+            raise self._malformed(f'it ends before the {number} elements announced at byte {self._offset}')
+        return number
+
+    def string(self) -> str:
+        """Read a string; a length of zero is taken for an empty one, as some writers leave out the NUL."""
+        length = self.count(1)
+        start = self._take(length, 1)
+        encoded = bytes(self._body[start:start + length])
+        if length and encoded[-1]:
+            raise self._malformed(f'the string at byte {start + 4} does not end in NUL')
+        try:
+            return encoded[:-1].decode()
+        except UnicodeDecodeError:
+            raise self._malformed(f'the string at byte {start + 4} is not UTF-8') from None
+
+    def float64_array(self) -> np.ndarray:
+        """Read a float64 sequence into an array of its own."""
+        length = self.count(8)
+        start = self._take(8 * length, 8) if length else self._offset
+        return np.frombuffer(self._body, self._float64, length, start).astype(np.float64)
+
+    def _take(self, size: int, alignment: int) -> int:
+        start = self._offset + -self._offset % alignment
+        if start + size > len(self._body):
+            raise self._malformed(f'it ends where {size} bytes are due at byte {start + 4}')
+        self._offset = start + size
+        return start
+
+    def _malformed(self, detail: str) -> CdrError:
+        return CdrError(f'no {self._type_name}: {detail}')
