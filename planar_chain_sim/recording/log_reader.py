@@ -1,0 +1,208 @@
+"""
+read_log: what a log holds, read in file order, from a finished file as well as from one that a kill -9 tore.
+
+The framing of the records (one byte of kind, eight of length) is walked here and only whole records are given to the
+mcap library, whose own stream reader takes a record that the end of the file cuts for a complete one. Nothing is
+allocated that the file's size, or MAX_CHUNK_SIZE, does not bound. Check sums of chunks are not looked at: a flipped bit
+is for the reader of the messages to name.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+import io
+from pathlib import Path
+from struct import error as StructError, Struct
+from typing import Iterator, NamedTuple
+from zlib import crc32
+
+import lz4.frame
+from mcap import records
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+import zstandard
+
+from .log_writer import LogError
+
+MAX_CHUNK_SIZE = 2 ** 28    # bytes after decompression; ours are 60 KiB, those of other tools a few MiB
+
+_MAGIC = b'\x89MCAP0\r\n'
+_FRAME = Struct('<BQ')
+_MESSAGE = Struct('<HIQQ')
+
+
+class LogMessage(NamedTuple):
+    """One message of a log: times in ns, data as CDR with encapsulation."""
+
+    topic: str
+    type_name: str
+    log_time: int
+    publish_time: int
+    sequence: int
+    data: bytes
+
+
+@dataclass(frozen=True)
+class Log:
+    """
+    A log of this package.
+
+    chain_text: the chain file; settings: what the run was made with; complete: the file was closed properly.
+    """
+
+    path: Path
+    chain_text: str
+    settings: dict
+    complete: bool
+
+    @property
+    def messages(self) -> Iterator[LogMessage]:
+        """A fresh pass over the messages in file order; LogError at a place that cannot be read."""
+        return _messages(self.path)
+
+
+def read_log(path) -> Log:
+    """
+    Open a log and read all but its messages.
+
+    LogError if the file cannot be read, is no MCAP file or is no log of this package. A file torn by a kill or a full
+    disk is read up to its last whole chunk.
+    """
+    path = Path(path)
+    attachments, metadata, complete = {}, {}, False
+    with _open(path) as file:
+        for opcode, start, length in _frames(file):
+            if opcode == Opcode.ATTACHMENT:
+                attachment = _attachment(path, _payload(file, start, length))
+                attachments.setdefault(attachment.name, attachment.data)
+            elif opcode == Opcode.METADATA:
+                record = _parse(path, records.Metadata, _payload(file, start, length))
+                metadata.setdefault(record.name, record.metadata)
+            elif opcode == Opcode.FOOTER:
+                file.seek(start + length)
+                complete = file.read(len(_MAGIC)) == _MAGIC
+        file.seek(-len(_MAGIC), io.SEEK_END)
+        if not complete and file.tell() > 0 and file.read() == _MAGIC:
+            raise LogError(f'log {str(path)!r}: it is damaged, its records do not lead to its end')
+    if 'chain.yaml' not in attachments or 'planar_chain_sim' not in metadata:
+        raise LogError(f"log {str(path)!r}: it is no log of planar_chain_sim, which has the attachment 'chain.yaml' "
+                       "and the metadata 'planar_chain_sim'")
+    try:
+        chain_text = attachments['chain.yaml'].decode()
+    except UnicodeDecodeError:
+        raise LogError(f"log {str(path)!r}: the attachment 'chain.yaml' is not UTF-8") from None
+    return Log(path, chain_text, metadata['planar_chain_sim'], complete)
+
+
+def _open(path: Path):
+    try:
+        if path.exists() and not path.is_file():
+            raise LogError(f'log {str(path)!r}: it is no file')
+        file = open(path, 'rb')
+    except (OSError, ValueError) as error:
+        reason = getattr(error, 'strerror', None) or error
+        raise LogError(f'log {str(path)!r}: it cannot be read ({reason})') from None
+    if file.read(len(_MAGIC)) != _MAGIC:
+        file.close()
+        raise LogError(f'log {str(path)!r}: it is no MCAP file')
+    return file
+
+
+def _frames(file) -> Iterator[tuple]:
+    """Walk the records: (opcode, start of payload, length) up to the footer or to the first that is not whole."""
+    size = file.seek(0, io.SEEK_END)
+    start = len(_MAGIC)
+    while start + _FRAME.size <= size:
+        file.seek(start)
+        opcode, length = _FRAME.unpack(file.read(_FRAME.size))
+        start += _FRAME.size
+        # No record has the opcode 0: a crashed file system leaves zeros where it had promised data.
+        if opcode == 0 or start + length > size:
+            return
+        yield opcode, start, length
+        if opcode == Opcode.FOOTER:
+            return
+        start += length
+
+
+def _payload(file, start: int, length: int) -> bytes:
+    file.seek(start)
+    return file.read(length)
+
+
+def _parse(path: Path, record_type, payload: bytes):
+    try:
+        return record_type.read(ReadDataStream(io.BytesIO(payload)))
+    except (McapError, StructError, ValueError, OverflowError):
+        raise LogError(f'log {str(path)!r}: a {record_type.__name__} record is damaged') from None
+
+
+def _attachment(path: Path, payload: bytes) -> records.Attachment:
+    attachment = _parse(path, records.Attachment, payload)
+    stored = int.from_bytes(payload[-4:], 'little')
+    if stored and stored != crc32(payload[:-4]):
+        raise LogError(f'log {str(path)!r}: the attachment {attachment.name!r} does not match its check sum')
+    return attachment
+
+
+def _messages(path: Path) -> Iterator[LogMessage]:
+    schemas, channels = {}, {}   # schema id -> type name; channel id -> (topic, type name)
+    with _open(path) as file:
+        for opcode, start, length in _frames(file):
+            if opcode == Opcode.DATA_END:
+                return
+            if opcode == Opcode.CHUNK:
+                chunk = _parse(path, records.Chunk, _payload(file, start, length))
+                yield from _read_records(path, start, _decompress(path, start, chunk), schemas, channels)
+            elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE):
+                frame = _FRAME.pack(opcode, length) + _payload(file, start, length)
+                yield from _read_records(path, start, frame, schemas, channels)
+
+
+def _read_records(path: Path, where: int, content: bytes, schemas: dict, channels: dict) -> Iterator[LogMessage]:
+    """Yield the messages of a chunk's content and learn its schemas and channels; LogError where it is damaged."""
+    start = 0
+    while start < len(content):
+        if start + _FRAME.size > len(content):
+            raise LogError(f'log {str(path)!r}: the chunk at byte {where} is damaged, a record is cut')
+        opcode, length = _FRAME.unpack_from(content, start)
+        start += _FRAME.size
+        if start + length > len(content) or (opcode == Opcode.MESSAGE and length < _MESSAGE.size):
+            raise LogError(f'log {str(path)!r}: the chunk at byte {where} is damaged, a record is cut')
+        if opcode == Opcode.MESSAGE:
+            channel_id, sequence, log_time, publish_time = _MESSAGE.unpack_from(content, start)
+            if channel_id not in channels:
+                raise LogError(f'log {str(path)!r}: the chunk at byte {where} has a message of the unknown channel '
+                               f'{channel_id}')
+            topic, type_name = channels[channel_id]
+            data = content[start + _MESSAGE.size:start + length]
+            yield LogMessage(topic, type_name, log_time, publish_time, sequence, data)
+        elif opcode == Opcode.SCHEMA:
+            schema = _parse(path, records.Schema, content[start:start + length])
+            schemas[schema.id] = schema.name
+        elif opcode == Opcode.CHANNEL:
+            channel = _parse(path, records.Channel, content[start:start + length])
+            channels[channel.id] = (channel.topic, schemas.get(channel.schema_id, ''))
+        start += length
+
+
+def _decompress(path: Path, where: int, chunk: records.Chunk) -> bytes:
+    size = chunk.uncompressed_size
+    try:
+        if chunk.compression == '':
+            content = chunk.data
+        elif size > MAX_CHUNK_SIZE:
+            content = b''
+        elif chunk.compression == 'lz4':
+            content = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=size)
+        elif chunk.compression == 'zstd':
+            content = zstandard.ZstdDecompressor().stream_reader(chunk.data).read(size)
+        else:
+            raise LogError(f'log {str(path)!r}: the chunk at byte {where} has the unknown compression '
+                           f'{chunk.compression!r}')
+    except (RuntimeError, ValueError, EOFError, zstandard.ZstdError, MemoryError):
+        content = b''
+    if len(content) != size:
+        raise LogError(f'log {str(path)!r}: the chunk at byte {where} is damaged, its content is not the {size} bytes '
+                       'announced')
+    return content

@@ -1,0 +1,240 @@
+"""
+LogWriter and BackgroundLogWriter: the MCAP log, in the profile in which rosbag2 of ROS 2 Jazzy writes its own files.
+
+In the file: header, attachments, metadata, the bag information of an empty bag, then chunks of messages with their
+indexes, and at close the bag information again and the summary. What is needed to read the rest so comes first, and a
+process that is killed loses no more than what came in after the last flush.
+"""
+from __future__ import annotations
+
+from collections import deque
+from pathlib import Path
+from threading import Event, Thread
+from time import monotonic, sleep
+from typing import Mapping, Optional, Sequence
+
+from mcap.writer import CompressionType, LIBRARY_IDENTIFIER, Writer
+
+from .message_types import MESSAGE_TYPES
+from .rosbag2_profile import bag_information, Channel, channel_metadata, NO_TIME
+
+COMPRESSIONS = {'none': CompressionType.NONE, 'lz4': CompressionType.LZ4, 'zstd': CompressionType.ZSTD}
+CHUNK_SIZE = 60 * 1024      # bytes before compression; a chunk of the usual 1 MiB stalls its process for 10 ms
+DRAIN_PERIOD = 0.05         # s between two looks into the queue of a BackgroundLogWriter
+QUEUE_LIMIT = 2 ** 18       # messages, about 100 MB: a disk this far behind will not catch up
+_BATCH = 16                 # messages, 0.15 ms, written before the interpreter is left to the stepping thread ...
+_PAUSE = 2e-5               # s: a queue drained in one go made one wake-up in a hundred 2 ms late
+
+
+class LogError(Exception):
+    """A log that cannot be written or read: one sentence that names the file and the reason."""
+
+
+class LogWriter:
+    """
+    Writes one MCAP log, in the calling thread.
+
+    path: of the new file; channels: every topic that will be written; attachments: name -> bytes; metadata: name ->
+    {str: str}; flush_period: s, after which a write closes the chunk and hands it to the system; compression: of
+    chunks, a key of COMPRESSIONS. LogError if the file is there already, cannot be made or an argument is wrong.
+    """
+
+    def __init__(self, path, channels: Sequence[Channel], attachments: Optional[Mapping[str, bytes]] = None,
+                 metadata: Optional[Mapping[str, Mapping[str, str]]] = None, flush_period: float = 0.5,
+                 compression: str = 'none'):
+        self.path = Path(path)
+        self._channels = tuple(channels)
+        self._check(flush_period, compression)
+        self.flush_period = flush_period
+        self._file = self._create()
+        self._writer = Writer(self._file, chunk_size=CHUNK_SIZE, compression=COMPRESSIONS[compression])
+        self._failure = None
+        self._counts = {}
+        self._start_time = self._last_time = 0
+        try:
+            self._begin(attachments or {}, metadata or {})
+        except OSError as error:
+            raise self._fail(error.strerror or str(error)) from None
+        self.flush_due = monotonic() + flush_period
+
+    def __enter__(self) -> 'LogWriter':
+        return self
+
+    def __exit__(self, *exception) -> None:
+        self.close()
+
+    def write(self, topic: str, data: bytes, log_time_ns: int, publish_time_ns: int, sequence: int = 0) -> None:
+        """
+        Append one message (CDR with encapsulation); times in ns since the epoch or the start, sequence taken mod 2**32.
+
+        Messages of several sources may come slightly out of order: one that is older than its predecessor gets the
+        predecessor's log time, so that the file's log time never goes back; its publish time stays as it is.
+        LogError on a topic with no channel, which harms nothing, and on a failed write, after which the file is closed.
+        """
+        if self._failure:
+            raise LogError(self._failure)
+        channel_id = self._channel_ids.get(topic)
+        if channel_id is None:
+            raise LogError(f'log {str(self.path)!r}: topic {topic!r} has no channel, must be one of '
+                           f'{", ".join(self._channel_ids)}')
+        log_time = max(log_time_ns, self._last_time)
+        try:
+            self._writer.add_message(channel_id, log_time, data, publish_time_ns, sequence & 0xFFFFFFFF)
+        except OSError as error:
+            raise self._fail(error.strerror or str(error)) from None
+        except Exception as error:
+            # The library has begun a record that it could not finish: the chunk in the making is lost.
+            raise self._fail(f'{topic} got a message that cannot be stored ({error})') from None
+        if not self._counts:
+            self._start_time = log_time
+        self._last_time = log_time
+        self._counts[topic] = self._counts.get(topic, 0) + 1
+        if monotonic() >= self.flush_due:
+            self.flush()
+
+    def flush(self) -> None:
+        """Close the chunk in the making and hand all to the system, where a killed process cannot lose it; LogError."""
+        if self._failure:
+            raise LogError(self._failure)
+        try:
+            self._writer.flush()
+        except OSError as error:
+            raise self._fail(error.strerror or str(error)) from None
+        self.flush_due = monotonic() + self.flush_period
+
+    def close(self) -> None:
+        """Finish the file with its summary; nothing is done a second time or after a failure. LogError."""
+        if self._file.closed:
+            return
+        self.flush()
+        try:
+            self._writer.add_metadata('rosbag2', self._bag_information())
+            self._writer.finish()
+            self._file.close()
+        except OSError as error:
+            raise self._fail(error.strerror or str(error)) from None
+        self._failure = f'log {str(self.path)!r}: it is closed'
+
+    def _check(self, flush_period: float, compression: str) -> None:
+        if not 0.0 < flush_period < float('inf'):
+            raise LogError(f'log {str(self.path)!r}: flush_period is {flush_period}, must be positive seconds')
+        if compression not in COMPRESSIONS:
+            raise LogError(f'log {str(self.path)!r}: compression is {compression!r}, must be one of '
+                           f'{", ".join(COMPRESSIONS)}')
+        topics = [channel.topic for channel in self._channels]
+        if len(set(topics)) < len(topics):
+            raise LogError(f'log {str(self.path)!r}: two channels have the same topic, topics are {", ".join(topics)}')
+        for channel in self._channels:
+            if channel.type_name not in MESSAGE_TYPES:
+                raise LogError(f'log {str(self.path)!r}: type {channel.type_name!r} of {channel.topic} has no '
+                               f'definition here, must be one of {", ".join(MESSAGE_TYPES)}')
+
+    def _create(self):
+        try:
+            if self.path.is_dir():
+                raise LogError(f'log {str(self.path)!r}: it is a directory, must be the name of a new file')
+            if not self.path.parent.is_dir():
+                raise LogError(f'log {str(self.path)!r}: its folder {str(self.path.parent)!r} does not exist')
+            return open(self.path, 'xb')
+        except FileExistsError:
+            raise LogError(f'log {str(self.path)!r}: the file exists and is not overwritten, give a new name') from None
+        except (OSError, ValueError) as error:
+            reason = getattr(error, 'strerror', None) or error
+            raise LogError(f'log {str(self.path)!r}: the file cannot be made ({reason})') from None
+
+    def _begin(self, attachments: Mapping[str, bytes], metadata: Mapping[str, Mapping[str, str]]) -> None:
+        self._writer.start(profile='ros2', library=f'planar_chain_sim {LIBRARY_IDENTIFIER}')
+        for name, data in attachments.items():
+            media_type = 'application/yaml' if name.endswith('.yaml') else 'application/octet-stream'
+            self._writer.add_attachment(0, 0, name, media_type, data)
+        for name, entries in metadata.items():
+            self._writer.add_metadata(name, dict(entries))
+        self._writer.add_metadata('rosbag2', self._bag_information())
+        self._file.flush()
+
+        schema_ids, self._channel_ids = {}, {}
+        for channel in self._channels:
+            name = channel.type_name
+            if name not in schema_ids:
+                definition = MESSAGE_TYPES[name].definition.encode()
+                schema_ids[name] = self._writer.register_schema(name, 'ros2msg', definition)
+            self._channel_ids[channel.topic] = self._writer.register_channel(
+                channel.topic, 'cdr', schema_ids[name], channel_metadata(channel))
+
+    def _bag_information(self) -> dict:
+        first, last = (self._start_time, self._last_time) if self._counts else (NO_TIME, NO_TIME)
+        return {'serialized_metadata': bag_information(self.path.name, self._channels, self._counts, first, last)}
+
+    def _fail(self, reason: str) -> LogError:
+        """Give the file up as it stands on the disk, where it is readable up to its last whole chunk."""
+        self._failure = f'log {str(self.path)!r}: writing stopped, {reason}'
+        self._file.raw.close()   # the raw file: what is still buffered could not be written either
+        return LogError(self._failure)
+
+
+class BackgroundLogWriter:
+    """
+    The same log, written by a thread of its own, so that the thread which steps the chain never waits for a disk.
+
+    Takes LogWriter's arguments and raises its LogError when the file cannot be made. error: None, or the LogError that
+    ended the writing (disk full, disk too slow); messages are then dropped. backlog: messages waiting to be written.
+    """
+
+    def __init__(self, *arguments, **options):
+        self._writer = LogWriter(*arguments, **options)
+        self.error: Optional[LogError] = None
+        self._queue = deque()
+        self._accepting = True
+        self._closing = Event()
+        self._thread = Thread(target=self._run, name='log writer', daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> 'BackgroundLogWriter':
+        return self
+
+    def __exit__(self, *exception) -> None:
+        self.close()
+
+    @property
+    def backlog(self) -> int:
+        """Number of messages that wait for the disk; one that computes faster than real time should watch it."""
+        return len(self._queue)
+
+    def write(self, topic: str, data: bytes, log_time_ns: int, publish_time_ns: int, sequence: int = 0) -> None:
+        """Queue one message as LogWriter.write takes it; never blocks and never raises, from any thread."""
+        if self._accepting:
+            self._queue.append((topic, data, log_time_ns, publish_time_ns, sequence))
+            if len(self._queue) >= QUEUE_LIMIT:
+                self._accepting = False
+                self.error = LogError(f'log {str(self._writer.path)!r}: writing stopped, the disk is '
+                                      f'{QUEUE_LIMIT} messages behind')
+
+    def close(self) -> None:
+        """Write what is queued, finish the file and end the thread; a failure is left in error."""
+        self._accepting = False
+        self._closing.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        for work in (self._write_until_closed, self._writer.close):
+            try:
+                work()
+            except LogError as error:
+                self.error = self.error or error
+                self._accepting = False
+                self._queue.clear()
+
+    def _write_until_closed(self) -> None:
+        period = min(DRAIN_PERIOD, self._writer.flush_period / 4)
+        closing = False
+        while not closing:
+            closing = self._closing.wait(period)
+            self._drain()
+            if monotonic() + period >= self._writer.flush_due:   # the next look would be too late
+                self._writer.flush()
+
+    def _drain(self) -> None:
+        for index in range(1, len(self._queue) + 1):
+            self._writer.write(*self._queue.popleft())
+            if index % _BATCH == 0:
+                sleep(_PAUSE)

@@ -1,0 +1,44 @@
+"""
+Definitions and type hashes of the messages a log can hold, so that a log explains itself where ROS is not installed.
+
+A definition is laid out as rosbag2 lays it out (rosbag2_storage_mcap, message_definition_cache): the message, then for
+each type it uses, depth first, a line of 80 '=', a line 'MSG: package/Type' and that type. The hash is the RIHS01 of
+REP-2016, which is blind to comments, so these definitions carry none.
+"""
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class MessageType(NamedTuple):
+    """How a log explains one type: its definition with all it uses (encoding 'ros2msg'), and its RIHS01 hash."""
+
+    definition: str
+    type_hash: str
+
+
+def _with_parts(definition: str, *parts: str) -> str:
+    separator = '\n' + '=' * 80 + '\nMSG: '
+    return separator.join((definition,) + parts)
+
+
+_TIME = 'builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n'
+_HEADER = 'std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n'
+_LAYOUT = 'std_msgs/MultiArrayLayout\nMultiArrayDimension[] dim\nuint32 data_offset\n'
+_DIMENSION = 'std_msgs/MultiArrayDimension\nstring label\nuint32 size\nuint32 stride\n'
+
+MESSAGE_TYPES = {
+    'sensor_msgs/msg/JointState': MessageType(
+        _with_parts('std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n',
+                    _HEADER, _TIME),
+        'RIHS01_a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e'),
+    'std_msgs/msg/Float64MultiArray': MessageType(
+        _with_parts('MultiArrayLayout layout\nfloat64[] data\n', _LAYOUT, _DIMENSION),
+        'RIHS01_1025ddc6b9552d191f89ef1a8d2f60f3d373e28b283d8891ddcc974e8c55397f'),
+    'std_msgs/msg/String': MessageType(
+        'string data\n',
+        'RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18'),
+    'rosgraph_msgs/msg/Clock': MessageType(
+        _with_parts('builtin_interfaces/Time clock\n', _TIME),
+        'RIHS01_692f7a66e93a3c83e71765d033b60349ba68023a8c689a79e48078bcb5c58564'),
+}

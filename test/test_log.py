@@ -1,0 +1,148 @@
+"""The log's writers and its reader: what goes in comes out, what is wrong is refused at once."""
+from pathlib import Path
+from threading import Thread
+import time
+
+from mcap.reader import make_reader
+import pytest
+from recorded_run import CHAIN_TEXT, CHANNELS, EXTRAS, recorded, SETTINGS, START, write, write_log
+
+from planar_chain_sim.recording import log_writer
+from planar_chain_sim.recording.cdr import encode_string
+from planar_chain_sim.recording.log_reader import read_log
+from planar_chain_sim.recording.log_writer import BackgroundLogWriter, Channel, LogError, LogWriter
+
+
+@pytest.mark.parametrize('compression', log_writer.COMPRESSIONS)
+def test_round_trip(tmp_path, compression):
+    messages = recorded(1000)
+    log = read_log(write_log(tmp_path / 'run.mcap', messages, compression=compression))
+    assert list(log.messages) == messages
+    assert list(log.messages) == messages   # a second pass
+    assert (log.chain_text, log.settings, log.complete) == (CHAIN_TEXT, SETTINGS, True)
+
+
+def test_background_round_trip(tmp_path):
+    messages = recorded(1000)
+    with BackgroundLogWriter(tmp_path / 'run.mcap', CHANNELS, **EXTRAS) as writer:
+        write(writer, messages)
+    writer.write('/joint_states', b'too late', START, START)
+    assert (writer.error, writer.backlog) == (None, 0)
+    log = read_log(tmp_path / 'run.mcap')
+    assert (list(log.messages), log.complete) == (messages, True)
+
+
+def test_background_writer_takes_all_threads(tmp_path):
+    def produce(topic):
+        for index in range(2000):
+            writer.write(topic, encode_string(str(index)), START + index, START, index)
+
+    topics = ['/a', '/b', '/c']
+    with BackgroundLogWriter(tmp_path / 'run.mcap', [Channel(topic, 'std_msgs/msg/String') for topic in topics],
+                             **EXTRAS) as writer:
+        threads = [Thread(target=produce, args=(topic,)) for topic in topics]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    assert writer.error is None
+    messages = list(read_log(tmp_path / 'run.mcap').messages)
+    for topic in topics:
+        assert [message.sequence for message in messages if message.topic == topic] == list(range(2000))
+    log_times = [message.log_time for message in messages]
+    assert log_times == sorted(log_times)
+
+
+def test_log_time_never_goes_back(tmp_path):
+    with LogWriter(tmp_path / 'run.mcap', CHANNELS, **EXTRAS) as writer:
+        for log_time in (20, 10, 30, 29):
+            writer.write('/joint_states', b'', log_time, log_time)
+    messages = list(read_log(tmp_path / 'run.mcap').messages)
+    assert [message.log_time for message in messages] == [20, 20, 30, 30]
+    assert [message.publish_time for message in messages] == [20, 10, 30, 29]
+
+
+def test_sequence_is_taken_modulo_two_to_the_32(tmp_path):
+    with LogWriter(tmp_path / 'run.mcap', CHANNELS, **EXTRAS) as writer:
+        writer.write('/joint_states', b'', 1, 1, 2 ** 32 + 5)
+    assert [message.sequence for message in read_log(tmp_path / 'run.mcap').messages] == [5]
+
+
+def test_a_log_without_messages_is_whole(tmp_path):
+    path = write_log(tmp_path / 'run.mcap', [])
+    log = read_log(path)
+    assert (list(log.messages), log.complete) == ([], True)
+    with open(path, 'rb') as file:
+        assert len(make_reader(file).get_summary().channels) == len(CHANNELS)
+
+
+@pytest.mark.parametrize('change, reason', [
+    ({'flush_period': 0.0}, 'flush_period'), ({'flush_period': float('nan')}, 'flush_period'),
+    ({'compression': 'gzip'}, 'gzip'), ({'channels': [Channel('/a', 'std_msgs/msg/Bool')]}, 'std_msgs/msg/Bool'),
+    ({'channels': [CHANNELS[0], CHANNELS[0]]}, 'same topic'),
+    ({'path': 'missing/run.mcap'}, "'missing' does not exist"), ({'path': '.'}, 'directory'),
+    ({'path': 'there.mcap'}, 'not overwritten'), ({'path': 'a\0b'}, 'null'), ({'path': 'x' * 300}, 'too long')])
+@pytest.mark.parametrize('kind', [LogWriter, BackgroundLogWriter])
+def test_refused_at_once(tmp_path, monkeypatch, kind, change, reason):
+    monkeypatch.chdir(tmp_path)
+    Path('there.mcap').write_text('precious')
+    with pytest.raises(LogError, match=reason) as caught:
+        kind(**{'path': 'run.mcap', 'channels': CHANNELS, **EXTRAS, **change})
+    assert '\n' not in str(caught.value)
+    assert [path.name for path in tmp_path.iterdir()] == ['there.mcap']
+    assert Path('there.mcap').read_text() == 'precious'
+
+
+def test_a_topic_without_channel_harms_nothing(tmp_path):
+    with LogWriter(tmp_path / 'run.mcap', CHANNELS, **EXTRAS) as writer:
+        writer.write('/joint_states', b'1', 1, 1)
+        with pytest.raises(LogError, match="'/nowhere' has no channel"):
+            writer.write('/nowhere', b'2', 2, 2)
+        writer.write('/joint_states', b'3', 3, 3)
+    log = read_log(tmp_path / 'run.mcap')
+    assert ([message.data for message in log.messages], log.complete) == ([b'1', b'3'], True)
+    with pytest.raises(LogError, match='closed'):
+        writer.write('/joint_states', b'4', 4, 4)
+
+
+@pytest.mark.parametrize('data, publish_time', [('text', 0), (b'', -1), (b'', 2 ** 64)])
+def test_a_message_that_cannot_be_stored_spoils_no_file(tmp_path, data, publish_time):
+    writer = LogWriter(tmp_path / 'run.mcap', CHANNELS, **EXTRAS)
+    writer.write('/joint_states', b'1', 1, 1)
+    writer.flush()
+    with pytest.raises(LogError, match='/joint_states got a message that cannot be stored'):
+        writer.write('/joint_states', data, 2, publish_time)
+    with pytest.raises(LogError, match='writing stopped'):
+        writer.write('/joint_states', b'3', 3, 3)
+    writer.close()
+    log = read_log(tmp_path / 'run.mcap')
+    assert ([message.data for message in log.messages], log.complete) == ([b'1'], False)
+
+
+def test_an_open_log_names_its_chain_and_settings(tmp_path):
+    writer = LogWriter(tmp_path / 'run.mcap', CHANNELS, **EXTRAS)
+    log = read_log(tmp_path / 'run.mcap')
+    assert (log.chain_text, log.settings, log.complete, list(log.messages)) == (CHAIN_TEXT, SETTINGS, False, [])
+    writer.close()
+
+
+def test_a_write_flushes_when_the_period_is_over(tmp_path):
+    with LogWriter(tmp_path / 'run.mcap', CHANNELS, **EXTRAS, flush_period=0.05) as writer:
+        writer.write('/joint_states', b'1', 1, 1)
+        assert list(read_log(tmp_path / 'run.mcap').messages) == []
+        time.sleep(0.06)
+        writer.write('/joint_states', b'2', 2, 2)
+        assert [message.data for message in read_log(tmp_path / 'run.mcap').messages] == [b'1', b'2']
+
+
+def test_a_queue_too_long_ends_the_log(tmp_path, monkeypatch):
+    monkeypatch.setattr(log_writer, 'QUEUE_LIMIT', 100)
+    monkeypatch.setattr(log_writer, 'DRAIN_PERIOD', 60.0)   # the disk is slow: the thread never looks
+    messages = recorded(200)
+    writer = BackgroundLogWriter(tmp_path / 'run.mcap', CHANNELS, **EXTRAS, flush_period=600.0)
+    write(writer, messages)
+    assert '100 messages behind' in str(writer.error)
+    assert writer.backlog == 100
+    writer.close()
+    log = read_log(tmp_path / 'run.mcap')
+    assert (list(log.messages), log.complete) == (messages[:100], True)
