@@ -10,7 +10,7 @@ from math import inf, isfinite
 from typing import Optional
 
 from .chain import BASE, Body, Chain, Joint
-from .chain_section import MISSING, Section, clipped, plain, shown, suggestion
+from .chain_section import clipped, MISSING, plain, Section, shown, suggestion
 
 CHAIN_KEYS = ('name', 'gravity', 'bodies')
 BODY_KEYS = ('name', 'carrier', 'origin', 'angle', 'mass', 'center_of_mass', 'inertia', 'inertia_com', 'slide',
@@ -53,8 +53,8 @@ def build_chain(data, file: str, source: str) -> Chain:
     for index, entry in enumerate(entries):
         if not isinstance(entry, dict):
             top.fail('bodies', f'has {shown(entry)} as entry {index}, must be a list of mappings')
-        name = entry.get('name')
-        label = f"body '{clipped(name)}' " if isinstance(name, str) else f'bodies[{index}] '
+        body_name = entry.get('name')
+        label = f"body '{clipped(body_name)}' " if isinstance(body_name, str) else f'bodies[{index}] '
         section = Section(entry, file, f'bodies[{index}]', label)
         bodies.append(read_body(section, entries, indices, owners))
         sections.append(section)
@@ -179,4 +179,4 @@ def lack_of_inertia(bodies, index, kind) -> str:
     if not any(bodies[i].mass for i in outboard):
         if kind == 'slide' or not any(bodies[i].inertia_com for i in outboard):
             return 'nothing on this body or outboard of it has mass'
-    return 'it moves no mass that the other joints do not move in the same way'
+    return 'it moves no mass, beyond rounding, that the other joints do not move in the same way'

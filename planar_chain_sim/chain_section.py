@@ -6,10 +6,10 @@ its lines (`LinedDict`), other data is named by its path, `bodies[2].rotation.da
 """
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from math import inf, isfinite
 from numbers import Integral, Real
+import re
 from typing import NoReturn, Optional
 
 from .chain import ChainError
@@ -174,7 +174,11 @@ def plain(value, path='', depth=0):
     if len(value) > (MAX_KEYS if isinstance(value, Mapping) else MAX_ITEMS):
         raise ChainError(f'{path}: has {len(value)} entries, must have at most {MAX_KEYS} keys or {MAX_ITEMS} items')
     if isinstance(value, Mapping):
-        keys = [plain_text(str(key), path) for key in value]
+        odd = [type(key).__name__ for key in value if not isinstance(key, str)]
+        if odd:
+            place = path or 'the chain'
+            raise ChainError(f'{place}: has a key of type {odd[0]}, must be a mapping whose keys are texts')
+        keys = [plain_text(key, path) for key in value]
         return {key: plain(item, f'{path}.{clipped(key)}'.lstrip('.'), depth + 1)
                 for key, item in zip(keys, value.values())}
     return [plain(item, f'{path}[{i}]', depth + 1) for i, item in enumerate(value)]

@@ -6,12 +6,12 @@ twice are refused, nesting is bounded, and a text of any size or content ends in
 """
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 import os
+from pathlib import Path
 import re
 import stat
 import sys
-from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import Union
 
 import yaml
@@ -19,7 +19,7 @@ from yaml import events
 
 from .chain import Chain, ChainError
 from .chain_checks import build_chain
-from .chain_section import MAX_DEPTH, MAX_ITEMS, MAX_KEYS, LinedDict, clipped, plain
+from .chain_section import clipped, LinedDict, MAX_DEPTH, MAX_ITEMS, MAX_KEYS, plain
 
 LOADER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
 DUMPER = getattr(yaml, 'CSafeDumper', yaml.SafeDumper)
