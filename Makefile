@@ -15,6 +15,9 @@ SOURCES := setup.py pyproject.toml $(wildcard $(KERNEL)/*)
 # The packages of a sourced ROS belong to its own Python; here everything comes from .venv.
 unexport PYTHONPATH PYTHONHOME AMENT_PREFIX_PATH COLCON_PREFIX_PATH CMAKE_PREFIX_PATH
 
+# pip compiles nothing, which halves the set-up; what is imported is compiled then, and the node must start fast again.
+unexport PYTHONDONTWRITEBYTECODE
+
 # Stay on this machine unless told otherwise.
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
