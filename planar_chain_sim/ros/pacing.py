@@ -1,0 +1,43 @@
+"""When which tick is due: counted from the steady clock, never 'sleep the rest', so that lateness does not add up."""
+from __future__ import annotations
+
+LONGEST_LATENESS = 100_000_000  # ns; what is later than this is not caught up but dropped
+
+
+class Pacing:
+    """
+    Ticks on the wall: tick k is due at start + (k - start tick) * period, and its state is stamped with that time.
+
+    `period`: s of wall time per tick. `wall_minus_steady`: ns from the steady clock to the epoch, fixed once, so that
+    no step of the system clock ever shows in a stamp. All times are int ns; `now` is of the steady clock.
+    """
+
+    def __init__(self, period: float, wall_minus_steady: int):
+        self.period = period * 1e9
+        self._wall_minus_steady = wall_minus_steady
+        self._tick = self._start = self._stamp = 0
+
+    def anchor(self, tick: int, now: int) -> None:
+        """Let `tick` be due now: at the start and after a pause. Its stamp is now, or later where stamps are ahead."""
+        self._stamp = max(self.wall(now), self.stamp(tick))
+        self._tick, self._start = tick, now
+
+    def due(self, tick: int) -> int:
+        """Return when `tick` is due, on the steady clock."""
+        return self._start + round((tick - self._tick) * self.period)
+
+    def stamp(self, tick: int) -> int:
+        """Return the time of the state at `tick` since the epoch: it never goes back."""
+        return self._stamp + round((tick - self._tick) * self.period)
+
+    def wall(self, now: int) -> int:
+        """Return `now` since the epoch."""
+        return now + self._wall_minus_steady
+
+    def drop(self, tick: int, now: int) -> int:
+        """Return the lateness of `tick` after dropping it, ns, where it is too much to be caught up; else 0."""
+        late = now - self.due(tick)
+        if late <= LONGEST_LATENESS:
+            return 0
+        self._stamp, self._tick, self._start = self.stamp(tick) + late, tick, now
+        return late

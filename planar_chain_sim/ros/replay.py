@@ -1,0 +1,137 @@
+"""The executable `replay`: publishes what a log holds, recorded commands or recorded states, at the recorded pace."""
+from __future__ import annotations
+
+from contextlib import ExitStack
+from queue import Empty
+import sys
+from time import monotonic
+
+from .process import run_until_stopped, start_node
+
+DESCRIPTION = """\
+Publish a log's recorded commands, or its states, at the pace at which they were recorded.
+
+Messages go out as the recorded bytes, stamps included, on the recorded topics, which can be remapped.
+SIGINT and SIGTERM end it with exit code 0; a mistake is told in one sentence, exit code 2."""
+EXAMPLE = 'replay run.mcap --what states --speed 0.5 --loop --ros-args -r joint_states:=ghost/joint_states'
+
+LOOK_PERIOD = 0.02  # s between two looks for listeners, and the shortest loop
+
+
+def main(arguments=None) -> int:
+    """Run the executable: the handlers of SIGINT and SIGTERM first, nothing heavy is imported before."""
+    return run_until_stopped('replay', replay, arguments)
+
+
+def replay(own_arguments, ros_arguments, stop) -> None:
+    """Publish the log until its end or a stop. Mistake: bad options, no such log, nothing to publish in it."""
+    options = parse(own_arguments)
+    from ..command_line import Mistake
+    from ..recording.log_reader import read_log
+    from ..recording.log_writer import LogError
+    try:
+        log = read_log(options.log)
+        with ExitStack() as ending:
+            node = start_node('replay', ros_arguments, ending)
+            topics = find_topics(log, options)
+            publishers = {name: create_publisher(node, name, type_name) for name, type_name in topics.items()}
+            node.get_logger().info(f'replaying {options.what} of {options.log} on '
+                                   f'{", ".join(publisher.topic_name for publisher in publishers.values())}')
+            if wait_for_listeners(node, publishers, options.wait, stop):
+                return
+            while not play(log, publishers, options, stop):
+                if not options.loop:
+                    let_arrive(publishers)
+                    return
+    except LogError as error:
+        raise Mistake(str(error)) from None
+
+
+def parse(arguments):
+    """Return the options of the command line; Mistake on a bad one."""
+    from ..command_line import Mistake, Parser
+    parser = Parser('replay', DESCRIPTION, EXAMPLE)
+    parser.add_argument('log', help='MCAP log of the simulator or of rollout')
+    parser.add_argument('--what', choices=('commands', 'states'), default='commands', help='default commands')
+    parser.add_argument('--speed', type=float, default=1.0, metavar='F', help='times the recorded pace; default 1')
+    parser.add_argument('--loop', action='store_true', help='begin again at the end')
+    parser.add_argument('--start', type=float, default=0.0, metavar='S', help='skip this much of the log, s')
+    parser.add_argument('--wait', type=float, default=1.0, metavar='S',
+                        help='wait for listeners on every topic, s at most; default 1')
+    options = parser.parse_args(arguments)
+    if not 0.0 < options.speed < float('inf'):
+        raise Mistake(f'--speed is {options.speed}, must be a finite number > 0')
+    for name in ('start', 'wait'):
+        if not 0.0 <= getattr(options, name) < float('inf'):
+            raise Mistake(f'--{name} is {getattr(options, name)}, must be a finite number of seconds >= 0')
+    return options
+
+
+def find_topics(log, options) -> dict[str, str]:
+    """Return topic -> type of what is to be published after --start; Mistake if that is nothing."""
+    from .messages import INPUTS
+    from ..command_line import Mistake
+    command_types = {row.type_name for row in INPUTS.values()}
+    state_topic, topics, origin = log.settings.get('state_topic'), {}, None
+    for message in log.messages:
+        origin = message.log_time + round(options.start * 1e9) if origin is None else origin
+        wanted = (message.topic == state_topic) if options.what == 'states' else (
+            message.topic != state_topic and message.type_name in command_types)
+        if wanted and message.log_time >= origin:
+            topics[message.topic] = message.type_name
+    if not topics:
+        after = f' after {options.start:g} s' if options.start else ''
+        raise Mistake(f'log {options.log!r}: it holds no {options.what}{after}')
+    return topics
+
+
+def create_publisher(node, topic: str, type_name: str):
+    """Create a publisher for recorded bytes of a type by its name."""
+    from .messages import INPUTS
+    message = next(row.message for row in INPUTS.values() if row.type_name == type_name)
+    return node.create_publisher(message, topic, 10)
+
+
+def wait_for_listeners(node, publishers, seconds: float, stop) -> bool:
+    """Wait until somebody listens on every topic, `seconds` at most; return whether we are to stop."""
+    end = monotonic() + seconds
+    while deaf := [publisher.topic_name for publisher in publishers.values() if not publisher.get_subscription_count()]:
+        if monotonic() >= end:
+            node.get_logger().warning(f'nobody listens on {", ".join(deaf)}')
+            return False
+        if stopped_within(LOOK_PERIOD, stop):
+            return True
+    return not stop.empty()
+
+
+def play(log, publishers, options, stop) -> bool:
+    """Publish once through, each message when it is due; return whether we are to stop."""
+    begin, origin, due = monotonic(), None, 0.0
+    for message in log.messages:
+        origin = message.log_time + round(options.start * 1e9) if origin is None else origin
+        due = begin + (message.log_time - origin) * 1e-9 / options.speed
+        if message.topic in publishers and message.log_time >= origin:
+            if stopped_within(due - monotonic(), stop):
+                return True
+            publishers[message.topic].publish(message.data)
+    return stopped_within(max(due - monotonic(), LOOK_PERIOD), stop)
+
+
+def let_arrive(publishers) -> None:
+    """Wait until all listeners have the last message: a publisher that goes takes along what it has not delivered."""
+    from rclpy.duration import Duration
+    for publisher in publishers.values():
+        publisher.wait_for_all_acked(Duration(seconds=1.0))
+
+
+def stopped_within(seconds: float, stop) -> bool:
+    """Sleep, but not longer than until a stop signal; return whether there was one."""
+    try:
+        stop.get(timeout=max(seconds, 0.0))
+        return True
+    except Empty:
+        return False
+
+
+if __name__ == '__main__':
+    sys.exit(main())

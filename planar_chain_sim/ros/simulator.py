@@ -1,0 +1,237 @@
+"""
+The simulation in real time: one thread owns ticks, state and efforts; everybody else asks it.
+
+At the wake-up for tick k+1 the newest commands are latched, the motion from k to k+1 is integrated with them, the state
+at k+1 is published and recorded. What decides the motion besides (reset, pause, lost time) is an event with its tick.
+"""
+from __future__ import annotations
+
+from collections import deque
+import json
+from queue import Empty, SimpleQueue
+from threading import Thread
+from time import monotonic_ns, sleep, time_ns
+
+from .commands import CommandError, HeldEffort
+from .messages import INPUTS
+from .pacing import Pacing
+from ..dynamics import SimulationError
+from ..recording.cdr import encode_string, JointStateLayout
+from ..simulation import initial_state
+
+LOOK_PERIOD = 100_000_000  # ns between two looks at the controllers and the log
+LONGEST_SLEEP = 50_000_000  # ns; a request or a stop is seen after at most this, whatever the rate
+ANSWER_TIMEOUT = 2.0  # s
+
+
+class Simulator:
+    """
+    Runs `simulation` (fresh, at its initial state) in a thread of its own between start() and stop().
+
+    `values`: the node's parameters. `publishers`: key of OUTPUTS -> publisher. `inputs`: key of INPUTS -> polled
+    subscription. `log`: BackgroundLogWriter or None. `done(error)` is called when the thread cannot go on.
+    """
+
+    def __init__(self, simulation, values, publishers, inputs, log, logger, done):
+        self._simulation, self._values, self._inputs, self._log = simulation, values, inputs, log
+        self._state, self._events = publishers['state'], publishers['events']
+        self._state_topic, self._events_topic = self._state.topic_name, self._events.topic_name
+        self._input_topics = {key: subscription.topic_name for key, subscription in inputs.items()}
+        self._logger, self._done = logger, done
+        names = simulation.chain.joint_names
+        self._layout = layout = JointStateLayout(names, values['frame_id'])
+        # The kernel writes a tick's outcome straight into the message.
+        self._outcome = layout.position[None], layout.velocity[None], layout.effort[None]
+        self._held = HeldEffort(names)
+        self._commanded = False  # whether the held effort is somebody's command
+        rate = values['rate']
+        self._ticks_per_state = round(rate / (values['publish_rate'] or rate))
+        self._pacing = Pacing(1.0 / (rate * values['real_time_factor']), time_ns() - monotonic_ns())
+        self._paused, self._divergence = values['start_paused'], None
+        self._look_due = self._repeat_due = 0
+        self._warned = {}
+        self._requests, self._stopping = deque(), False
+        self._thread = Thread(target=self._run_guarded, name='tick', daemon=True)
+
+    def start(self) -> None:
+        """Publish and record the initial state and start ticking."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread after the tick it is at, and wait for it."""
+        self._stopping = True
+        if self._thread.ident:
+            self._thread.join()
+
+    def ask(self, what: str, *arguments) -> tuple[bool, str]:
+        """Have 'reset', 'step' or 'pause' (bool) done between two ticks; return success and one sentence."""
+        reply = SimpleQueue()
+        self._requests.append((getattr(self, f'_{what}'), arguments, reply))
+        try:
+            return reply.get(timeout=ANSWER_TIMEOUT)
+        except Empty:
+            return False, f'the simulation has not answered within {ANSWER_TIMEOUT:g} s'
+
+    def _run_guarded(self) -> None:
+        try:
+            self._run()
+        except BaseException as error:
+            self._done(error)
+
+    def _run(self) -> None:
+        self._pacing.anchor(0, monotonic_ns())
+        if self._paused:
+            self._event('pause')
+        self._lay_out()
+        self._show(record=True)
+        while not self._stopping:
+            while self._requests:
+                action, arguments, reply = self._requests.popleft()
+                reply.put(action(*arguments))
+            now = monotonic_ns()
+            if now >= self._look_due:
+                self._look(now)
+            standing = self._paused or self._divergence
+            due = self._repeat_due if standing else self._pacing.due(self._simulation.tick + 1)
+            if now < due:
+                sleep(min(due - now, LONGEST_SLEEP) * 1e-9)
+            elif standing:
+                self._repeat_due = now + round(self._pacing.period * self._ticks_per_state)
+                self._latch()
+                self._show(record=False)
+            else:
+                self._catch_up_or_drop(now)
+                self._latch()
+                self._tick()
+
+    def _catch_up_or_drop(self, now: int) -> None:
+        late = self._pacing.drop(self._simulation.tick + 1, now)
+        if late:
+            self._event('dropped_time', seconds=late * 1e-9)
+            self._warn('late', f'{late * 1e-9:.3f} s late and dropped, the machine cannot keep up')
+
+    def _tick(self) -> bool:
+        """Advance one tick and show its state; on a divergence stand at the last good state and return False."""
+        try:
+            self._simulation.advance(1, self._held.effort, self._outcome)
+        except SimulationError as error:
+            self._divergence = str(error)
+            self._lay_out()
+            self._event('divergence', message=str(error), joint=error.joint, time=error.time,
+                        position=error.position.tolist(), velocity=error.velocity.tolist())
+            self._logger.error(f'{error}; ~/reset goes on from the initial state')
+            return False
+        self._show(record=True)
+        return True
+
+    def _lay_out(self) -> None:
+        """Put the simulation's state into the message, where no tick has just done so."""
+        layout, simulation = self._layout, self._simulation
+        layout.position[:], layout.velocity[:] = simulation.position, simulation.velocity
+        layout.effort[:] = simulation.effort
+
+    def _show(self, record: bool) -> None:
+        """Publish the laid out state where somebody listens, and record it; the same bytes for both."""
+        tick, log = self._simulation.tick, self._log if record else None
+        publish = not (record and tick % self._ticks_per_state) and self._state.get_subscription_count()
+        if not (publish or log):
+            return
+        stamp = self._pacing.stamp(tick)
+        self._layout.set_stamp(stamp)
+        data = self._layout.to_bytes()
+        if publish:
+            self._state.publish(data)
+        if log:
+            log.write(self._state_topic, data, self._pacing.wall(monotonic_ns()), stamp, tick)
+
+    def _event(self, kind: str, **data) -> None:
+        listened = self._events.get_subscription_count()
+        if listened or self._log:
+            message = encode_string(json.dumps({'tick': self._simulation.tick, 'kind': kind, 'data': data}))
+            if listened:
+                self._events.publish(message)
+            if self._log:
+                now = self._pacing.wall(monotonic_ns())
+                self._log.write(self._events_topic, message, now, now)
+
+    def _latch(self) -> None:
+        """Take all commands that have come, oldest first, so that the newest acts on each joint."""
+        arrived = []
+        for key, subscription in self._inputs.items():
+            with (handle := subscription.handle):
+                while (taken := handle.take_message(subscription.msg_type, True)) is not None:
+                    arrived.append((taken[1]['received_timestamp'], key, taken[0], taken[1]['source_timestamp']))
+        if not arrived:
+            return
+        # Each topic keeps its own order; between the two, the time at which the middleware received a message decides.
+        arrived.sort(key=lambda message: message[0])
+        acting, rejected = None, {}
+        for _, key, data, source_time in arrived:
+            topic = self._input_topics[key]
+            if self._log:
+                self._log.write(topic, data, self._pacing.wall(monotonic_ns()), source_time)
+            try:
+                acting = topic if self._held.take(INPUTS[key].type_name, data) else acting
+            except CommandError as error:
+                rejected.setdefault(topic, []).append(str(error))
+            if self._held.unknown:
+                self._warn('unknown', f'command on {topic} names {", ".join(map(repr, self._held.unknown[:3]))}, '
+                           f'not among the joints {", ".join(self._simulation.chain.joint_names[:32])}')
+        for topic, reasons in rejected.items():
+            self._event('rejected', topic=topic, reason=reasons[-1], count=len(reasons))
+            self._warn(topic, f'command on {topic} rejected: {reasons[-1]}')
+        if acting:
+            self._commanded = True
+            self._event('command', topic=acting, effort=self._held.effort.tolist())
+
+    def _look(self, now: int) -> None:
+        """Look at what needs no look at every tick: is there still a controller, is there still a log."""
+        self._look_due = now + LOOK_PERIOD
+        if self._log and self._log.error:
+            raise self._log.error
+        if self._commanded and self._values['on_controller_loss'] == 'zero':
+            if not any(subscription.get_publisher_count() for subscription in self._inputs.values()):
+                self._latch()  # its last words
+                self._held.clear()
+                self._commanded = False
+                self._event('controller_loss', effort=self._held.effort.tolist())
+                self._logger.warning('the last publisher of commands has gone, efforts are zero now')
+
+    def _warn(self, key: str, sentence: str) -> None:
+        """Log a warning, at most once a second for each key."""
+        now = monotonic_ns()
+        if now >= self._warned.get(key, 0):
+            self._warned[key] = now + 1_000_000_000
+            self._logger.warning(sentence)
+
+    def _reset(self) -> tuple[bool, str]:
+        self._simulation.set_state(*initial_state(self._simulation.chain))
+        self._held.clear()
+        self._commanded = False
+        if self._divergence and not self._paused:
+            self._pacing.anchor(self._simulation.tick, monotonic_ns())
+        self._divergence = None
+        self._event('reset')
+        self._lay_out()
+        self._show(record=True)
+        return True, f'initial state and zero efforts from tick {self._simulation.tick} on'
+
+    def _step(self) -> tuple[bool, str]:
+        if self._divergence:
+            return False, f'not stepped: {self._divergence}'
+        if not self._paused:
+            return False, 'not stepped: the simulation is running, pause it first'
+        self._latch()
+        self._event('step')
+        if not self._tick():
+            return False, self._divergence
+        return True, f'stepped to tick {self._simulation.tick}'
+
+    def _pause(self, wanted: bool) -> tuple[bool, str]:
+        if wanted == self._paused:
+            return True, f'already {"paused" if wanted else "running"} at tick {self._simulation.tick}'
+        self._paused = wanted
+        if not wanted:
+            self._pacing.anchor(self._simulation.tick, monotonic_ns())
+        self._event('pause' if wanted else 'resume')
+        return True, f'{"paused" if wanted else "running"} from tick {self._simulation.tick} on'

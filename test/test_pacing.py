@@ -1,0 +1,49 @@
+"""When ticks are due and how states are stamped, on a clock that the test moves."""
+from planar_chain_sim.ros.pacing import LONGEST_LATENESS, Pacing
+
+MS = 1_000_000
+WALL = 1_700_000_000_000_000_000
+
+
+def test_due_times_do_not_add_up_rounding():
+    pacing = Pacing(1.0 / 300.0, WALL)
+    pacing.anchor(0, 5 * MS)
+    assert pacing.due(300 * 3600) == 5 * MS + 3600 * 10**9
+    assert pacing.stamp(300 * 3600) == WALL + pacing.due(300 * 3600)
+
+
+def test_what_can_be_caught_up_is_not_dropped():
+    pacing = Pacing(1e-3, WALL)
+    pacing.anchor(0, 0)
+    assert pacing.drop(1, MS + LONGEST_LATENESS) == 0
+    assert pacing.due(1) == MS
+
+
+def test_dropped_time_shifts_due_times_and_stamps_alike():
+    pacing = Pacing(1e-3, WALL)
+    pacing.anchor(0, 0)
+    assert pacing.drop(11, 500 * MS) == 489 * MS
+    assert pacing.due(11) == 500 * MS and pacing.stamp(11) == WALL + 500 * MS
+    assert pacing.due(12) == 501 * MS and pacing.stamp(12) == WALL + 501 * MS
+
+
+def test_stamps_never_go_back_when_steps_ran_ahead_of_the_clock():
+    pacing = Pacing(1e-3, WALL)
+    pacing.anchor(0, 0)
+    ahead = pacing.stamp(1000)         # a thousand steps by service within 10 ms
+    pacing.anchor(1000, 10 * MS)
+    assert pacing.due(1000) == 10 * MS
+    assert pacing.stamp(1000) == ahead and pacing.stamp(1001) == ahead + MS
+
+
+def test_after_a_pause_stamps_are_of_now():
+    pacing = Pacing(1e-3, WALL)
+    pacing.anchor(0, 0)
+    pacing.anchor(20, 7000 * MS)
+    assert pacing.stamp(20) == WALL + 7000 * MS
+
+
+def test_slower_than_real_time_stamps_follow_the_wall():
+    pacing = Pacing(1e-3 / 0.5, WALL)
+    pacing.anchor(0, 0)
+    assert pacing.stamp(1000) == WALL + 2000 * MS
