@@ -101,15 +101,8 @@ class Section:
 
 
 def as_number(value) -> Optional[float]:
-    """Return a plain number as float, an integer beyond its range as inf; None for what is no number."""
-    if type(value) is float:
-        return value
-    if type(value) is not int:
-        return None
-    try:
-        return float(value)
-    except OverflowError:
-        return inf if value > 0 else -inf
+    """Return a plain number as float, None for what is no number (a truth value is none)."""
+    return float(value) if type(value) in (float, int) else None
 
 
 def clipped(text, length=48) -> str:

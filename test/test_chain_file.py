@@ -150,6 +150,8 @@ def test_text_that_is_no_chain_is_one_exact_sentence(text, problem):
     ([rod(mass=0, slide={'joint': 'rail', 'axis': 0.3})], 'slide', 'rail', NO_MASS),
     ([rod(mass=0, inertia=0), rod(name='tip', carrier='rod', inertia=0.5, rotation={'joint': 'wrist'})],
      'rotation', 'pivot', THE_SAME),
+    ([rod(mass=0, inertia=0), rod(name='tip', carrier='rod', mass=0, rotation={'joint': 'wrist'})],
+     'rotation', 'pivot', THE_SAME),
     ([rod(mass=0, inertia=0, rotation=None, slide={'joint': 'rail', 'axis': 0.3}),
       rod(name='tip', carrier='rod', rotation=None, slide={'joint': 'boom', 'axis': 0.3})],
      'slide', 'rail', THE_SAME),

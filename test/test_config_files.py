@@ -40,8 +40,8 @@ def test_arczewski_example_is_case_a():
     acceleration = forward_dynamics(chain, position, velocity, np.array([2.5, 1.0, -0.5, 0.3, 0.2]))
     assert np.abs(acceleration - expected).max() < 1e-14 * np.abs(expected).max()
     kinetic, potential = energy(chain, position, velocity)
-    assert kinetic == pytest.approx(1.3904645658410369045, rel=1e-14)
-    assert potential == pytest.approx(20.981808434654299181, rel=1e-14)
+    assert kinetic == pytest.approx(1.3904645658410369045, rel=1e-14, abs=0)
+    assert potential == pytest.approx(20.981808434654299181, rel=1e-14, abs=0)
 
 
 def test_four_link_robot_is_the_example_and_swings_and_settles():
@@ -53,9 +53,9 @@ def test_four_link_robot_is_the_example_and_swings_and_settles():
     assert robot.joint_names == example.joint_names
     assert all(joint.damping > 0 for joint in robot.joints)
     simulation = Simulation(robot)
-    simulation.advance(1000)
-    assert np.abs(simulation.velocity).max() > 1.0
-    simulation.advance(59000)
+    simulation.advance(1500)
+    assert simulation.position[1] < -np.pi / 2 - 0.5   # it swings through
+    simulation.advance(58500)
     assert np.abs(simulation.velocity).max() < 0.02
     assert simulation.position == pytest.approx([0.25, -np.pi / 2, 0.0, 0.0, 0.0], abs=0.01)
 
@@ -65,12 +65,12 @@ def test_double_pendulum_starts_where_its_header_says():
     chain = load_chain(CONFIG / 'double_pendulum.yaml')
     position, velocity = initial_state(chain)
     height = 1.5 * np.cos(2.0) + 0.5 * np.cos(2.5)
-    assert energy(chain, position, velocity) == (0.0, pytest.approx(-9.81 * height, rel=1e-14))
+    assert energy(chain, position, velocity) == (0.0, pytest.approx(-9.81 * height, rel=1e-14, abs=0))
     inertia_first, inertia_second = 1 / 3 + 1.0, 1 / 3
     coupling = 0.5 * np.cos(0.5)
     expected = [[inertia_first + inertia_second + 2 * coupling, inertia_second + coupling],
                 [inertia_second + coupling, inertia_second]]
-    assert mass_matrix(chain, position) == pytest.approx(np.array(expected), rel=1e-14)
+    assert mass_matrix(chain, position) == pytest.approx(np.array(expected), rel=1e-14, abs=0)
 
 
 @pytest.mark.parametrize(('name', 'links'), [('seven_link_arm', 7), ('chain_32_links', 32)])
@@ -78,8 +78,8 @@ def test_rods_end_to_end_are_one_rod(name, links):
     """Oracle: straight, they turn as one rod of 1 m and 1 kg, 1/3 kg m^2; the last alone has (1/n)^3 / 3."""
     chain = load_chain(CONFIG / f'{name}.yaml')
     inertia = mass_matrix(chain, np.zeros(links))
-    assert inertia[0, 0] == pytest.approx(1 / 3, rel=1e-14)
-    assert inertia[-1, -1] == pytest.approx(1 / (3 * links**3), rel=1e-14)
+    assert inertia[0, 0] == pytest.approx(1 / 3, rel=1e-14, abs=0)
+    assert inertia[-1, -1] == pytest.approx(1 / (3 * links**3), rel=1e-14, abs=0)
 
 
 def test_cart_arm_telescope_has_every_kind_of_body():
