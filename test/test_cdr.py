@@ -100,6 +100,10 @@ def test_float64_multi_array_round_trip(values):
     assert decode_float64_multi_array(encode_float64_multi_array(values)).tolist() == values
 
 
+def test_an_empty_sequence_has_no_gap():
+    assert encode_float64_multi_array([]) == bytes.fromhex('00010000' '00000000' '00000000' '00000000')
+
+
 @pytest.mark.parametrize('text', ['', 'a', '{"tick": 5}', 'größer'])
 def test_string_round_trip(text):
     assert decode_string(encode_string(text)) == text

@@ -135,6 +135,15 @@ def test_a_write_flushes_when_the_period_is_over(tmp_path):
         assert [message.data for message in read_log(tmp_path / 'run.mcap').messages] == [b'1', b'2']
 
 
+def test_the_last_message_before_a_silence_is_flushed_too(tmp_path):
+    with BackgroundLogWriter(tmp_path / 'run.mcap', CHANNELS, **EXTRAS, flush_period=0.1) as writer:
+        writer.write('/joint_states', b'1', 1, 1)
+        deadline = time.monotonic() + 5.0   # far more than the period, for a busy machine
+        while not list(read_log(tmp_path / 'run.mcap').messages):
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+
+
 def test_a_queue_too_long_ends_the_log(tmp_path, monkeypatch):
     monkeypatch.setattr(log_writer, 'QUEUE_LIMIT', 100)
     monkeypatch.setattr(log_writer, 'DRAIN_PERIOD', 60.0)   # the disk is slow: the thread never looks

@@ -8,9 +8,12 @@ import sys
 import time
 
 from hypothesis import given, settings, strategies as st
+from mcap import records
+from mcap.data_stream import RecordBuilder
 from mcap.reader import make_reader
 import pytest
-from recorded_run import CHAIN_TEXT, CHANNELS, EXTRAS, recorded, write_log
+from recorded_run import CHAIN_TEXT, CHANNELS, EXTRAS, recorded, write, write_log
+import zstandard
 
 from planar_chain_sim.recording.log_reader import read_log
 from planar_chain_sim.recording.log_writer import LogError, LogWriter
@@ -43,8 +46,17 @@ def test_a_torn_log_is_read_up_to_its_last_whole_chunk(tmp_path, finished):
     assert per_chunk[-1] == len(messages)
     torn.write_bytes(whole[:-1])
     assert (list(read_log(torn).messages), read_log(torn).complete) == (messages, False)
-    torn.write_bytes(whole[:ends[0][0]] + bytes(1_000_000))   # a crashed file system fills up with zeros
-    assert len(list(read_log(torn).messages)) == per_chunk[1]
+
+
+def test_a_crashed_file_system_leaves_zeros(tmp_path):
+    path = tmp_path / 'run.mcap'
+    writer = LogWriter(path, CHANNELS, **EXTRAS)
+    write(writer, recorded(20))
+    writer.flush()
+    os.truncate(path, 10 ** 9)   # with no data behind it: walking through it record by record would take minutes
+    began = time.monotonic()
+    assert list(read_log(path).messages) == recorded(20)
+    assert time.monotonic() - began < 5.0
 
 
 def test_a_flipped_bit_of_a_state_is_read_as_it_is(tmp_path, finished):
@@ -97,12 +109,34 @@ def test_damaged_files(tmp_path, finished):
             (whole.index(CHAIN_TEXT.encode()), 1, 'check sum'),
             (chunk.chunk_start_offset + 8, 1, 'do not lead to its end'),   # length of the chunk
             (chunk.chunk_start_offset + 25, 1, 'content is not'),          # announced size
-            (content + 8, 0x40, 'a record is cut'),                        # length of a message
+            (content + 8, 0x40, 'a record in it is not whole'),                        # length of a message
             (content + 9, 0x40, 'unknown channel')):
         data = bytearray(whole)
         data[place] ^= flip
         path.write_bytes(data)
         assert reason in refused(path)
+
+
+def with_chunk(path, compression, data, size):
+    """Append a chunk to the log that was begun at a path."""
+    builder = RecordBuilder()
+    records.Chunk(compression, data, 0, 0, 0, size).write(builder)
+    LogWriter(path, CHANNELS, **EXTRAS).flush()
+    with open(path, 'ab') as file:
+        file.write(builder.end())
+    return path
+
+
+def test_a_message_shorter_than_its_own_head(tmp_path):
+    content = struct.pack('<BQ', 5, 3) + b'abc'
+    assert 'a record in it is not whole' in refused(with_chunk(tmp_path / 'run.mcap', '', content, len(content)))
+
+
+def test_a_decompression_bomb(tmp_path):
+    compressor = zstandard.ZstdCompressor().compressobj(size=2 ** 29)
+    bomb = b''.join(compressor.compress(bytes(2 ** 20)) for _ in range(2 ** 9)) + compressor.flush()
+    assert len(bomb) < 2 ** 16
+    assert 'content is not' in refused(with_chunk(tmp_path / 'run.mcap', 'zstd', bomb, 2 ** 29))
 
 
 @pytest.mark.parametrize('compression', ['lz4', 'zstd', 'none', 'gzip'])
@@ -122,7 +156,20 @@ def test_a_chunk_that_announces_too_much(tmp_path, compression):
     assert re.search(reason, refused(log))
 
 
-@settings(max_examples=300, deadline=2000)   # ms: no damage may make reading slow
+@pytest.mark.parametrize('compression', ['lz4', 'zstd'])
+@pytest.mark.parametrize('place', [0, 4, 5, 40])
+def test_a_chunk_that_cannot_be_decompressed(tmp_path, compression, place):
+    log = write_log(tmp_path / 'run.mcap', recorded(20), compression=compression)
+    data = bytearray(log.read_bytes())
+    with open(log, 'rb') as file:
+        chunk = make_reader(file).get_summary().chunk_indexes[0]
+    content = chunk.chunk_start_offset + 9 + 40 + len(compression)
+    data[content + place] ^= 0xff
+    log.write_bytes(data)
+    assert 'damaged' in refused(log)
+
+
+@settings(max_examples=150, deadline=2000)   # ms: no damage may make reading slow
 @given(data=st.data())
 def test_any_damage_is_read_or_refused(tmp_path_factory, small_log, data):
     damaged = bytearray(small_log)
@@ -169,7 +216,7 @@ for index in range(10 ** 6):
 """, tmp_path / 'run.mcap')
     with process:
         assert process.stdout.readline() == 'ready\n'
-        time.sleep(1.0)
+        time.sleep(1.5)
         killed = time.time_ns()
         process.send_signal(signal.SIGKILL)
     log = read_log(tmp_path / 'run.mcap')
@@ -177,7 +224,7 @@ for index in range(10 ** 6):
     assert (log.complete, log.chain_text, log.settings) == (False, 'name: x', {'format': '1'})
     assert [message.sequence for message in messages] == list(range(len(messages)))
     # 0.2 s and, on a busy machine, the time for which the log's thread or the killer did not run.
-    assert (killed - messages[-1].log_time) * 1e-9 < 0.2 + 0.25
+    assert (killed - messages[-1].log_time) * 1e-9 < 0.2 + 0.5
 
 
 def test_full_disk(tmp_path):

@@ -92,6 +92,25 @@ def test_the_container_is_what_the_specification_wants(finished):
         messages[0].log_time, messages[-1].log_time)
 
 
+def test_every_record_is_explained_before_it_is_needed(finished):
+    with open(finished[0], 'rb') as file:
+        summary = make_reader(file).get_summary()
+        file.seek(0)
+        stream = list(StreamReader(file).records)
+    end = [type(record) for record in stream].index(records.DataEnd)
+    schemas, channels = {}, {}
+    for record in stream[:end]:
+        if isinstance(record, records.Schema):
+            assert record.id not in schemas
+            schemas[record.id] = record
+        elif isinstance(record, records.Channel):
+            assert record.id not in channels and record.schema_id in schemas
+            channels[record.id] = record
+        elif isinstance(record, records.Message):
+            assert record.channel_id in channels
+    assert (schemas, channels) == (summary.schemas, summary.channels)
+
+
 def test_channels_and_schemas_are_those_of_rosbag2(finished):
     with open(finished[0], 'rb') as file:
         summary = make_reader(file).get_summary()

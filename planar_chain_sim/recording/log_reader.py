@@ -24,7 +24,7 @@ import zstandard
 
 from .log_writer import LogError
 
-MAX_CHUNK_SIZE = 2 ** 28    # bytes after decompression; ours are 60 KiB, those of other tools a few MiB
+MAX_CHUNK_SIZE = 2 ** 26    # bytes after decompression; ours are 60 KiB, those of other tools a few MiB
 
 _MAGIC = b'\x89MCAP0\r\n'
 _FRAME = Struct('<BQ')
@@ -161,14 +161,15 @@ def _messages(path: Path) -> Iterator[LogMessage]:
 
 def _read_records(path: Path, where: int, content: bytes, schemas: dict, channels: dict) -> Iterator[LogMessage]:
     """Yield the messages of a chunk's content and learn its schemas and channels; LogError where it is damaged."""
+    not_whole = f'log {str(path)!r}: the chunk at byte {where} is damaged, a record in it is not whole'
     start = 0
     while start < len(content):
         if start + _FRAME.size > len(content):
-            raise LogError(f'log {str(path)!r}: the chunk at byte {where} is damaged, a record is cut')
+            raise LogError(not_whole)
         opcode, length = _FRAME.unpack_from(content, start)
         start += _FRAME.size
-        if start + length > len(content) or (opcode == Opcode.MESSAGE and length < _MESSAGE.size):
-            raise LogError(f'log {str(path)!r}: the chunk at byte {where} is damaged, a record is cut')
+        if opcode == 0 or start + length > len(content) or (opcode == Opcode.MESSAGE and length < _MESSAGE.size):
+            raise LogError(not_whole)
         if opcode == Opcode.MESSAGE:
             channel_id, sequence, log_time, publish_time = _MESSAGE.unpack_from(content, start)
             if channel_id not in channels:
