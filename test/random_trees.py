@@ -1,4 +1,4 @@
-"""Random trees of every body kind for twin tests, and uniform serial rods."""
+"""Random trees of every body kind for twin and oracle tests."""
 import numpy as np
 
 from planar_chain_sim.chain import BASE, Body, Chain, Joint
@@ -36,11 +36,3 @@ def random_tree(seed, bodies, kinds=KINDS, armature=True):
 def random_state(chain, seed):
     """Position, velocity, effort, (joints,) each."""
     return np.random.default_rng(seed).normal(0.0, 1.5, (3, chain.joint_count))
-
-
-def uniform_rods(count, gravity=-9.81j):
-    """`count` equal rods in a row, length and mass 1 / count each: the benchmark's chain."""
-    length = mass = 1.0 / count
-    return Chain(f'{count} rods', gravity, tuple(
-        Body(f'rod{i}', i - 1, complex(length if i else 0.0), 0.0, mass, complex(length / 2), mass * length**2 / 3,
-             mass * length**2 / 12, None, Joint(f'joint{i}', 'rotation', 1.0)) for i in range(count)))

@@ -3,10 +3,11 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
-from random_trees import random_state, random_tree, uniform_rods
+from random_trees import random_state, random_tree
 
 import planar_chain_sim as pcs
 from planar_chain_sim import equations_of_motion, invariants
+from planar_chain_sim.benchmark.problems import uniform_rods
 from planar_chain_sim.chain import Body, Chain, Joint
 
 EPS = np.finfo(float).eps

@@ -4,10 +4,11 @@ import pickle
 
 import numpy as np
 import pytest
-from random_trees import random_tree, uniform_rods
+from random_trees import random_tree
 
 import planar_chain_sim as pcs
 from planar_chain_sim import invariants
+from planar_chain_sim.benchmark.problems import uniform_rods
 from planar_chain_sim.chain import Body, Chain, Joint
 
 

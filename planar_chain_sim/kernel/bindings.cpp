@@ -46,6 +46,7 @@ class Model {
       py::ssize_t column = 0;
       for (double* field : fields) *field = c(i, column++);
     }
+    chain_.find_branches();
     recursion_.emplace(chain_);
     effort_.resize(static_cast<std::size_t>(joint_count));
   }

@@ -21,12 +21,19 @@ struct Link {
   double axis_x = 0.0, axis_y = 0.0;      // e^(j epsilon_i), carrier's frame
   double rotor = 0.0;                     // armature on the rotation, I_a
   double slide_armature = 0.0;            // armature on the slide, m_a
+  bool has_branches = false;              // carries a link that is not the next one
 };
 
 struct Chain {
   std::vector<Link> links;  // slot 0 is the base and carries no data
   int joint_count = 0;
   double gravity_x = 0.0, gravity_y = 0.0;
+
+  // Call once all carriers are known.
+  void find_branches() {
+    for (int i = 1; i <= link_count(); ++i)
+      if (links[i].carrier != i - 1) links[links[i].carrier].has_branches = true;
+  }
 
   int link_count() const { return static_cast<int>(links.size()) - 1; }
 };

@@ -30,20 +30,34 @@ inline void subtract_outer(Sym& a, Vec u, Vec v) {  // a -= u v^T, which is symm
   a.yy -= u.y * v.y;
 }
 
+// What links outboard of a joint add to the balance of its carrier.
+struct Outboard {
+  Sym articulated;                                  // B, then A
+  Vec coupling, bias;                               // h, q, the latter then b
+  double inertia = 0.0, torque = 0.0, scale = 0.0;  // I, t, what the pivot I is compared with
+
+  void operator+=(const Outboard& other) {
+    articulated.xx += other.articulated.xx, articulated.xy += other.articulated.xy, articulated.yy += other.articulated.yy;
+    coupling = coupling + other.coupling, bias = bias + other.bias;
+    inertia += other.inertia, torque += other.torque, scale += other.scale;
+  }
+};
+
 // What a link carries during one evaluation; slot 0 is the base, at rest.
 struct LinkState {
-  double angle = 0.0, rate = 0.0, cosine = 1.0, sine = 0.0;  // phi_i, phi_i', e^(j phi_i)
+  double rate = 0.0;                                          // phi_i'
+  Vec moment;                                                 // X_i = m_i C_i
   Vec lever;                                                  // R_i = rho~_i e^(j phi_i-)
   Vec slide_axis;                                             // chi_i
   Vec carried;                                                // k_i, the velocity terms of the joint point
-  Sym articulated;                                            // B, then A
-  Vec coupling, bias;                                         // h, q
-  double inertia = 0.0, torque = 0.0, scale = 0.0;            // I, t, what the pivot I is compared with
+  Outboard branches;                                          // sum over children other than the next link
   Vec turn_row, slide_row;                                    // kept for the way back: h, y / Delta
   double turn_inverse = 0.0, turn_torque = 0.0;               // 1 / (I + I_a), t
   double slide_known = 0.0, slide_coupling = 0.0;             // nu / Delta, chi.h / Delta
   Vec acceleration;                                           // a_i
   double angular_acceleration = 0.0;                          // phi_i''
+  Vec force;                                                  // F_i, inverse dynamics alone
+  double torque_carried = 0.0;                                // tau_i before the sign of its axis, inverse dynamics alone
 };
 
 // A pivot at or below this fraction of its scale is no pivot: equations.md 7, "Guard".
@@ -51,26 +65,28 @@ constexpr double singular_pivot = 100.0 * std::numeric_limits<double>::epsilon()
 
 class Recursion {
  public:
-  explicit Recursion(const Chain& chain) : chain_(chain), state_(chain.links.size()) {}
+  explicit Recursion(const Chain& chain)
+      : chain_(chain), state_(chain.links.size()), angle_((chain.links.size() / sine_block + 1) * sine_block),
+        sine_(angle_.size()), cosine_(angle_.size(), 1.0) {}
 
   // Joint accelerations from joint efforts that already contain every joint law. Returns -1, or the joint whose pivot vanished.
   int forward(const double* position, const double* velocity, const double* effort, double* acceleration) {
-    place(position, velocity);
-    start_elimination(effort);
-    for (int i = chain_.link_count(); i >= 1; --i) {
-      const int singular = eliminate(i, effort);
-      if (singular >= 0) return singular;
-    }
+    turn(position, velocity);
+    const int singular = eliminate(position, velocity, effort);
+    if (singular >= 0) return singular;
     state_[0].acceleration = {-chain_.gravity_x, -chain_.gravity_y};
-    for (int i = 1; i <= chain_.link_count(); ++i) substitute(i, acceleration);
+    substitute(acceleration);
     return -1;
   }
 
   // Efforts of the bare mechanism (armature in, joint laws out) for given accelerations: equations.md 6.1.
   void inverse(const double* position, const double* velocity, const double* acceleration, bool gravity, double* effort) {
-    place(position, velocity);
+    turn(position, velocity);
     state_[0].acceleration = gravity ? Vec{-chain_.gravity_x, -chain_.gravity_y} : Vec{};
-    for (int i = 1; i <= chain_.link_count(); ++i) accelerate(i, acceleration);
+    for (int i = 1; i <= chain_.link_count(); ++i) {
+      place(i, position, velocity);
+      accelerate(i, acceleration);
+    }
     for (int i = chain_.link_count(); i >= 1; --i) balance(i, acceleration, effort);
   }
 
@@ -78,75 +94,92 @@ class Recursion {
   void energy(const double* position, const double* velocity, double& kinetic, double& potential);
 
  private:
-  // Absolute angles by prefix sums, phi = P^T theta; levers, slide axes and velocity terms from them.
-  void place(const double* position, const double* velocity) {
+  // Absolute angles and rates by prefix sums, phi = P^T theta, and the unit vectors e^(j phi).
+  void turn(const double* position, const double* velocity) {
     const int n = chain_.link_count();
+    double angle = 0.0, rate = 0.0;
     for (int i = 1; i <= n; ++i) {
       const Link& link = chain_.links[i];
-      LinkState& s = state_[i];
-      const LinkState& p = state_[link.carrier];
+      if (link.carrier != i - 1) angle = angle_[link.carrier], rate = state_[link.carrier].rate;
       if (link.rotation >= 0) {
-        s.angle = p.angle + link.sign * position[link.rotation];
-        s.rate = p.rate + link.sign * velocity[link.rotation];
-        sine_cosine(s.angle, s.sine, s.cosine);
-      } else {
-        s.angle = p.angle, s.rate = p.rate, s.sine = p.sine, s.cosine = p.cosine;
+        angle += link.sign * position[link.rotation];
+        rate += link.sign * velocity[link.rotation];
       }
-      s.lever = rotate(link.offset_x, link.offset_y, p.cosine, p.sine);
-      if (link.slide >= 0) {
-        s.slide_axis = rotate(link.axis_x, link.axis_y, p.cosine, p.sine);
-        s.lever = s.lever + position[link.slide] * s.slide_axis;
-      }
-      s.carried = (-p.rate * p.rate) * s.lever;  // k_i
-      if (link.slide >= 0) s.carried = s.carried + (2.0 * velocity[link.slide] * p.rate) * perp(s.slide_axis);
+      angle_[i] = angle, state_[i].rate = rate;
+    }
+    if (n <= few_angles) {
+      for (int i = 1; i <= n; ++i) sine_cosine(angle_[i], sine_[i], cosine_[i]);
+    } else {
+      sine_cosine(angle_.data(), sine_.data(), cosine_.data(), static_cast<int>(angle_.size()) / sine_block);
     }
   }
 
-  void start_elimination(const double* effort) {
-    for (int i = 1; i <= chain_.link_count(); ++i) {
-      const Link& link = chain_.links[i];
-      LinkState& s = state_[i];
-      const Vec moment = rotate(link.moment_x, link.moment_y, s.cosine, s.sine);  // X_i = m_i C_i
-      s.articulated = {link.mass, 0.0, link.mass};
-      s.coupling = perp(moment);
-      s.bias = (-s.rate * s.rate) * moment;
-      s.inertia = s.scale = link.inertia;
-      s.torque = 0.0;
-      if (link.rotation >= 0) {  // Q_phi = S tau
-        s.torque = link.sign * effort[link.rotation];
-        state_[link.carrier].torque -= s.torque;
-      }
-    }
-  }
-
-  // Steps (1) to (3) of equations.md 6.2 for link i, its children already added in.
-  int eliminate(int i, const double* effort) {
+  // Lever, slide axis, velocity terms and first moment of a link in world axes.
+  void place(int i, const double* position, const double* velocity) {
     const Link& link = chain_.links[i];
     LinkState& s = state_[i];
-    Sym a = s.articulated;
-    Vec b = s.bias;
+    const double carrier_rate = state_[link.carrier].rate;
+    s.lever = rotate(link.offset_x, link.offset_y, cosine_[link.carrier], sine_[link.carrier]);
+    if (link.slide >= 0) {
+      s.slide_axis = rotate(link.axis_x, link.axis_y, cosine_[link.carrier], sine_[link.carrier]);
+      s.lever = s.lever + position[link.slide] * s.slide_axis;
+    }
+    s.carried = (-carrier_rate * carrier_rate) * s.lever;  // k_i
+    if (link.slide >= 0) s.carried = s.carried + (2.0 * velocity[link.slide] * carrier_rate) * perp(s.slide_axis);
+    s.moment = rotate(link.moment_x, link.moment_y, cosine_[i], sine_[i]);
+  }
+
+  // Leaf to root. What a link hands on stays in registers where its carrier comes next, as it does all along a serial chain.
+  int eliminate(const double* position, const double* velocity, const double* effort) {
+    Outboard sum;
+    for (int i = chain_.link_count(); i >= 1; --i) {
+      const Link& link = chain_.links[i];
+      LinkState& s = state_[i];
+      place(i, position, velocity);
+      if (link.has_branches) {
+        sum += s.branches;
+        s.branches = Outboard{};
+      }
+      const int singular = eliminate(link, s, effort, sum);
+      if (singular >= 0) {
+        for (LinkState& state : state_) state.branches = Outboard{};
+        return singular;
+      }
+      if (link.carrier != i - 1 || i == 1) {
+        if (link.carrier != 0) state_[link.carrier].branches += sum;
+        sum = Outboard{};
+      }
+    }
+    return -1;
+  }
+
+  // Steps (1) to (3) of equations.md 6.2 for one link: `sum` over its children comes in, its own share in its carrier goes out.
+  int eliminate(const Link& link, LinkState& s, const double* effort, Outboard& sum) const {
+    Sym a = {link.mass + sum.articulated.xx, sum.articulated.xy, link.mass + sum.articulated.yy};
+    Vec h = perp(s.moment) + sum.coupling;
+    Vec b = sum.bias - (s.rate * s.rate) * s.moment;
+    double inertia = link.inertia + sum.inertia, torque = sum.torque, scale = link.inertia + sum.scale;
+    double reaction = 0.0;  // what the joint's own effort does to the carrier
     // Three components (h, I, t) go on to the carrier where the link's angle is its carrier's or a rotor couples the two.
-    bool three = false;
-    Vec h = s.coupling;
-    double inertia = s.inertia, torque = s.torque, scale = s.scale;
+    bool three = link.carrier > 0;
 
     if (link.rotation >= 0) {  // (1) own angle
       const double pivot = inertia + link.rotor;
       if (!(pivot > singular_pivot * (scale + link.rotor))) return link.rotation;
+      reaction = link.sign * effort[link.rotation];
+      torque += reaction;  // Q_phi = S tau
       s.turn_row = h;
       s.turn_inverse = 1.0 / pivot;
       s.turn_torque = torque;
       const Vec g = s.turn_inverse * h;
       subtract_outer(a, h, g);
       b = b + torque * g;
-      three = link.rotor > 0.0 && link.carrier > 0;
+      three = three && link.rotor > 0.0;
       if (three) {  // equations.md 6.3, zeta = I_a / (I + I_a)
         const double zeta = link.rotor * s.turn_inverse;
         h = zeta * h;
         inertia *= zeta, torque *= zeta, scale *= zeta;
       }
-    } else {
-      three = link.carrier > 0;
     }
 
     if (link.slide >= 0) {  // (2) slide
@@ -169,44 +202,44 @@ class Recursion {
       b = b + nu * s.slide_row;
     }
 
-    if (link.carrier == 0) return -1;
-    LinkState& p = state_[link.carrier];  // (3) add to the carrier
-    const Vec lever = perp(s.lever);      // s_i
-    const Vec beta = a * s.carried + b;
+    const Vec lever = perp(s.lever);  // (3) the share in the carrier, s_i
     const Vec z = a * lever;
-    p.articulated.xx += a.xx, p.articulated.xy += a.xy, p.articulated.yy += a.yy;
-    p.bias = p.bias + beta;
-    p.coupling = p.coupling + z;
-    p.inertia += dot(lever, z);
-    p.torque -= dot(lever, beta);
-    p.scale += link.outboard_mass * dot(lever, lever);
+    sum.articulated = a;
+    sum.bias = a * s.carried + b;  // beta
+    sum.coupling = z;
+    sum.inertia = dot(lever, z);
+    sum.torque = -dot(lever, sum.bias) - reaction;
+    sum.scale = link.outboard_mass * dot(lever, lever);
     if (three) {
-      p.coupling = p.coupling + h;
-      p.inertia += inertia + 2.0 * dot(h, lever);
-      p.torque += torque - dot(h, s.carried);
-      p.scale += scale;
+      sum.coupling = sum.coupling + h;
+      sum.inertia += inertia + 2.0 * dot(h, lever);
+      sum.torque += torque - dot(h, s.carried);
+      sum.scale += scale;
     }
     return -1;
   }
 
-  // Root to leaf: accelerations of joint point, slide and angle.
-  void substitute(int i, double* acceleration) {
-    const Link& link = chain_.links[i];
-    LinkState& s = state_[i];
-    const LinkState& p = state_[link.carrier];
-    s.acceleration = p.acceleration + p.angular_acceleration * perp(s.lever) + s.carried;
-    if (link.slide >= 0) {
-      const double slide =
-          s.slide_known - dot(s.slide_row, s.acceleration) - s.slide_coupling * p.angular_acceleration;
-      s.acceleration = s.acceleration + slide * s.slide_axis;
-      acceleration[link.slide] = slide;
-    }
-    if (link.rotation >= 0) {
-      s.angular_acceleration =
-          (s.turn_torque - dot(s.turn_row, s.acceleration) + link.rotor * p.angular_acceleration) * s.turn_inverse;
-      acceleration[link.rotation] = link.sign * (s.angular_acceleration - p.angular_acceleration);
-    } else {
-      s.angular_acceleration = p.angular_acceleration;
+  // Root to leaf: accelerations of joint point, slide and angle; those of the carrier stay in registers along a serial chain.
+  void substitute(double* acceleration) {
+    Vec linear;
+    double angular = 0.0;
+    for (int i = 1; i <= chain_.link_count(); ++i) {
+      const Link& link = chain_.links[i];
+      LinkState& s = state_[i];
+      if (link.carrier != i - 1 || i == 1)
+        linear = state_[link.carrier].acceleration, angular = state_[link.carrier].angular_acceleration;
+      linear = (linear + s.carried) + angular * perp(s.lever);
+      if (link.slide >= 0) {
+        const double slide = s.slide_known - dot(s.slide_row, linear) - s.slide_coupling * angular;
+        linear = linear + slide * s.slide_axis;
+        acceleration[link.slide] = slide;
+      }
+      if (link.rotation >= 0) {
+        const double turned = (s.turn_torque - dot(s.turn_row, linear) + link.rotor * angular) * s.turn_inverse;
+        acceleration[link.rotation] = link.sign * (turned - angular);
+        angular = turned;
+      }
+      s.acceleration = linear, s.angular_acceleration = angular;
     }
   }
 
@@ -219,33 +252,36 @@ class Recursion {
     if (link.rotation >= 0) s.angular_acceleration += link.sign * acceleration[link.rotation];
     s.acceleration = p.acceleration + p.angular_acceleration * perp(s.lever) + s.carried;
     if (link.slide >= 0) s.acceleration = s.acceleration + acceleration[link.slide] * s.slide_axis;
-    const Vec moment = rotate(link.moment_x, link.moment_y, s.cosine, s.sine);
-    s.bias = link.mass * s.acceleration + s.angular_acceleration * perp(moment) - (s.rate * s.rate) * moment;
-    s.torque = link.inertia * s.angular_acceleration + dot(perp(moment), s.acceleration);
+    s.force = link.mass * s.acceleration + s.angular_acceleration * perp(s.moment) - (s.rate * s.rate) * s.moment;
+    s.torque_carried = link.inertia * s.angular_acceleration + dot(perp(s.moment), s.acceleration);
   }
 
   // Inverse dynamics, leaf to root: F_i and tau_i = P Q_phi are complete, pass them on.
   void balance(int i, const double* acceleration, double* effort) {
     const Link& link = chain_.links[i];
     const LinkState& s = state_[i];
-    if (link.rotation >= 0) effort[link.rotation] = link.sign * s.torque + link.rotor * acceleration[link.rotation];
+    if (link.rotation >= 0) effort[link.rotation] = link.sign * s.torque_carried + link.rotor * acceleration[link.rotation];
     if (link.slide >= 0)
-      effort[link.slide] = dot(s.slide_axis, s.bias) + link.slide_armature * acceleration[link.slide];
+      effort[link.slide] = dot(s.slide_axis, s.force) + link.slide_armature * acceleration[link.slide];
     if (link.carrier == 0) return;
     LinkState& p = state_[link.carrier];
-    p.bias = p.bias + s.bias;
-    p.torque += s.torque + dot(perp(s.lever), s.bias);
+    p.force = p.force + s.force;
+    p.torque_carried += s.torque_carried + dot(perp(s.lever), s.force);
   }
+
+  static constexpr int few_angles = 3;  // up to here one by one is faster than a block; the bits are the same
 
   const Chain& chain_;
   std::vector<LinkState> state_;
+  std::vector<double> angle_, sine_, cosine_;  // phi_i, e^(j phi_i); slot 0 is the base, the last block is padded
 };
 
 inline void Recursion::energy(const double* position, const double* velocity, double& kinetic, double& potential) {
-  place(position, velocity);
+  turn(position, velocity);
   kinetic = potential = 0.0;
   std::vector<Vec> place_of(state_.size()), velocity_of(state_.size());  // r_i, v_i
   for (int i = 1; i <= chain_.link_count(); ++i) {
+    place(i, position, velocity);
     const Link& link = chain_.links[i];
     const LinkState& s = state_[i];
     const LinkState& p = state_[link.carrier];
@@ -258,10 +294,9 @@ inline void Recursion::energy(const double* position, const double* velocity, do
     if (link.rotation >= 0) kinetic += 0.5 * link.rotor * velocity[link.rotation] * velocity[link.rotation];
     place_of[i] = place_of[link.carrier] + s.lever;
     velocity_of[i] = velocity_of[link.carrier] + w;  // (5.56)
-    const Vec moment = rotate(link.moment_x, link.moment_y, s.cosine, s.sine);
     const Vec v = velocity_of[i];
-    kinetic += 0.5 * link.mass * dot(v, v) + s.rate * dot(v, perp(moment)) + 0.5 * link.inertia * s.rate * s.rate;
-    potential -= dot({chain_.gravity_x, chain_.gravity_y}, link.mass * place_of[i] + moment);
+    kinetic += 0.5 * link.mass * dot(v, v) + s.rate * dot(v, perp(s.moment)) + 0.5 * link.inertia * s.rate * s.rate;
+    potential -= dot({chain_.gravity_x, chain_.gravity_y}, link.mass * place_of[i] + s.moment);
   }
 }
 

@@ -1,0 +1,39 @@
+"""The kernel's sine and cosine against 50 digits."""
+import math
+
+from mpmath import mp, mpf
+import numpy as np
+import pytest
+
+from planar_chain_sim._kernel import unit_vector
+
+EDGES = [0.0, -0.0, 5e-324, -2.2e-308, 1e-9, math.pi / 4, math.pi / 2, math.pi, 2 * math.pi, 1e5 * math.pi, 355.0, 710.0]
+# doubles next to multiples of pi/2, where the reduced angle is smallest (the last one: 524287 quarter turns)
+NEAR = [float(k) * math.pi / 2 for k in (1, 2, 3, 4, 7, 11, 22, 33, 355, 103993, 104348, 208341, 312689, 524287)]
+
+
+def ulps(got, exact):
+    """Error of a double in units of its last place, taken where the exact value lies."""
+    return float(abs(mpf(got) - exact) / mpf(float(np.spacing(max(abs(float(exact)), 2.3e-308)))))
+
+
+@pytest.mark.parametrize('scale', [1e-3, 1.0, 4.0, 100.0, 1e4, 8e5, 1e9, 1e300])
+def test_below_one_ulp_of_fifty_digits(scale):
+    random = np.random.default_rng(int(math.log10(scale)) % 99)
+    angles = random.uniform(-scale, scale, 1000)
+    with mp.workdps(50 + max(0, int(math.log10(scale)))):
+        worst = max(max(ulps(z.imag, mp.sin(mpf(a))), ulps(z.real, mp.cos(mpf(a))))
+                    for a, z in ((a, unit_vector(a)) for a in map(float, angles)))
+    assert worst < 1.0
+
+
+def test_edges_and_angles_next_to_quarter_turns():
+    with mp.workdps(80):
+        for angle in EDGES + [v for a in NEAR for v in (a, math.nextafter(a, 0), math.nextafter(a, 1e9), -a)]:
+            z = unit_vector(angle)
+            assert ulps(z.imag, mp.sin(mpf(angle))) < 1.0 and ulps(z.real, mp.cos(mpf(angle))) < 1.0, angle
+
+
+@pytest.mark.parametrize('angle', [math.nan, math.inf, -math.inf])
+def test_what_is_no_angle_gives_no_number(angle):
+    assert math.isnan(unit_vector(angle).real) and math.isnan(unit_vector(angle).imag)
