@@ -75,14 +75,14 @@ class Process:
         return self.finish()
 
 
-def simulator(*remappings, arguments=(), ready=True, **parameters):
-    """Start the node; with `ready`, wait until it runs."""
+def simulator(*remappings, ready=True, preexec_fn=None, **parameters):
+    """Start the node with these parameters; with `ready`, wait until it runs."""
     parts = ['--ros-args']
     for name, value in parameters.items():
         parts += ['-p', f'{name}:={str(value).lower() if isinstance(value, bool) else value}']
     for remapping in remappings:
         parts += ['-r', remapping]
-    process = Process('planar_chain_sim.ros.node', *arguments, *parts)
+    process = Process('planar_chain_sim.ros.node', *parts, preexec_fn=preexec_fn)
     if ready:
         process.wait_for('running')
     return process

@@ -1,0 +1,170 @@
+"""replay over real DDS: the recorded bytes, on the recorded topics, at the recorded pace."""
+import signal
+import time
+
+from live import CONFIG, Peer, Process, run, simulator, stamp_ns
+import pytest
+import rclpy
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+
+from planar_chain_sim.recording.cdr import encode_float64_multi_array, encode_string, JointStateLayout
+from planar_chain_sim.recording.log_writer import LogWriter
+from planar_chain_sim.recording.rollout import main as rollout
+from planar_chain_sim.recording.rosbag2_profile import Channel
+from planar_chain_sim.ros.messages import PolledGroup
+
+REPLAY = 'planar_chain_sim.ros.replay'
+STATES, COMMANDS, BY_NAME = '/joint_states', '/simulator/commands', '/simulator/joint_commands'
+START = 1_700_000_000_000_000_000
+COUNT, APART = 40, 20_000_000  # messages on each topic, ns
+
+
+@pytest.fixture(scope='module')
+def log(tmp_path_factory):
+    """Return a log with COUNT states, and commands of both kinds right after each."""
+    path = tmp_path_factory.mktemp('log') / 'run.mcap'
+    layout = JointStateLayout(['a', 'b'])
+    channels = [Channel(STATES, 'sensor_msgs/msg/JointState'), Channel('/simulator/events', 'std_msgs/msg/String'),
+                Channel(COMMANDS, 'std_msgs/msg/Float64MultiArray'), Channel(BY_NAME, 'sensor_msgs/msg/JointState')]
+    settings = {'state_topic': STATES, 'events_topic': '/simulator/events'}
+    with LogWriter(path, channels, {'chain.yaml': b''}, {'planar_chain_sim': settings}) as writer:
+        for k in range(COUNT):
+            now = START + k * APART
+            layout.position[:] = k, -k
+            layout.set_stamp(now)
+            writer.write(STATES, layout.to_bytes(), now, now, k)
+            writer.write(COMMANDS, encode_float64_multi_array([k, 0.5]), now, now)
+            layout.effort[:] = 3 * k, 0.1
+            writer.write(BY_NAME, layout.to_bytes(), now, now)
+            writer.write('/simulator/events', encode_string('{}'), now, now)
+    return path
+
+
+class Ear:
+    """Hears the bytes on some topics, with the time at which they came."""
+
+    def __init__(self, **topics):
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context, signal_handler_options=SignalHandlerOptions.NO)
+        self.node = Node('ear', context=self.context)
+        self.heard = {topic: [] for topic in topics}
+        self.subscriptions = {
+            topic: self.node.create_subscription(message, f'/{topic.replace("__", "/")}', print, 1000,
+                                                 callback_group=PolledGroup(), raw=True)
+            for topic, message in topics.items()}
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *exception):
+        self.node.destroy_node()
+        self.context.try_shutdown()
+
+    def hear(self, process):
+        """Listen until the process ends."""
+        ended = False
+        while not ended:
+            ended = process.popen.poll() is not None  # and once more after its end
+            self.listen()
+            time.sleep(0.001)
+        return process.finish()
+
+    def listen(self):
+        for topic, subscription in self.subscriptions.items():
+            with subscription.handle:
+                while (taken := subscription.handle.take_message(subscription.msg_type, True)) is not None:
+                    self.heard[topic].append((taken[0], taken[1]['source_timestamp']))
+
+    def seconds(self, topic):
+        """Return how long the topic's messages took to be sent, s."""
+        return (self.heard[topic][-1][1] - self.heard[topic][0][1]) * 1e-9
+
+
+def test_commands_are_replayed_as_recorded_and_at_the_recorded_pace(log):
+    with Ear(simulator__commands=Float64MultiArray, simulator__joint_commands=JointState,
+             joint_states=JointState) as ear:
+        with Process(REPLAY, log, '--wait', 60) as process:
+            assert ear.hear(process) == 0, process.output
+    commands = [data for data, _ in ear.heard['simulator__commands']]
+    assert commands == [encode_float64_multi_array([k, 0.5]) for k in range(COUNT)]
+    assert len(ear.heard['simulator__joint_commands']) == COUNT
+    assert not ear.heard['joint_states']
+    recorded = (COUNT - 1) * APART * 1e-9
+    assert recorded - 0.02 < ear.seconds('simulator__commands') < recorded + 1.0
+
+
+def test_states_remapped_faster_and_from_later_on(log):
+    with Ear(ghost=JointState, simulator__commands=Float64MultiArray) as ear:
+        with Process(REPLAY, log, '--what', 'states', '--speed', 4, '--start', 0.4, '--wait', 60,
+                     '--ros-args', '-r', 'joint_states:=ghost') as process:
+            assert ear.hear(process) == 0, process.output
+    layout = JointStateLayout(['a', 'b'])
+    for k, (data, _) in enumerate(ear.heard['ghost'], start=20):
+        layout.position[:] = k, -k
+        layout.effort[:] = (3 * (k - 1), 0.1)
+        layout.set_stamp(START + k * APART)
+        assert data == layout.to_bytes()
+    assert len(ear.heard['ghost']) == COUNT - 20 and not ear.heard['simulator__commands']
+    recorded = (COUNT - 21) * APART * 1e-9
+    assert recorded / 4 - 0.02 < ear.seconds('ghost') < recorded / 4 + 1.0
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_loop_goes_on_until_a_signal(log, number):
+    with Ear(joint_states=JointState) as ear:
+        with Process(REPLAY, log, '--what', 'states', '--speed', 20, '--loop', '--wait', 60) as process:
+            while len(ear.heard['joint_states']) < 3 * COUNT:
+                assert process.popen.poll() is None, process.output
+                ear.listen()
+            assert process.stop(number) == 0
+    assert 'Traceback' not in process.output
+
+
+def test_recorded_commands_drive_a_simulator(tmp_path):
+    recorded = tmp_path / 'recorded.mcap'
+    sent = [[float(k), 0.0, 0.1, 0.2, 0.3] for k in range(1, 11)]
+    with simulator(record=recorded) as process, Peer() as peer:
+        peer.meet()
+        for effort in sent:
+            peer.commands.publish(Float64MultiArray(data=effort))
+            begun = stamp_ns(peer.new_state(lambda state: list(state.effort) == effort))
+            peer.new_state(lambda state: stamp_ns(state) > begun + 100_000_000)  # apart on a busy machine, too
+        assert process.stop() == 0
+    with simulator() as process, Peer() as peer:
+        peer.meet()
+        with Process(REPLAY, recorded, '--wait', 60) as player:
+            for effort in sent:
+                peer.new_state(lambda state: list(state.effort) == effort)
+            assert player.finish() == 0, player.output
+        assert process.stop() == 0
+
+
+def test_nobody_listens(log):
+    code, output = run(REPLAY, log, '--wait', 0, '--speed', 20)
+    assert code == 0
+    assert 'nobody listens on /simulator/commands, /simulator/joint_commands' in output
+
+
+@pytest.mark.parametrize('arguments, sentence', [
+    (['--speed', '0'], '--speed is 0.0, must be a finite number > 0'),
+    (['--speed', 'nan'], '--speed is nan, must be a finite number > 0'),
+    (['--start', '-1'], '--start is -1.0, must be a finite number of seconds >= 0'),
+    (['--what', 'all'], "argument --what: invalid choice: 'all'"),
+    (['--start', '0.9'], 'it holds no commands after 0.9 s')])
+def test_a_bad_option_is_one_sentence(log, arguments, sentence):
+    code, output = run(REPLAY, log, *arguments)
+    assert code == 2 and output.count('\n') == 0
+    assert output.startswith('replay: ') and sentence in output
+
+
+def test_a_bad_log_is_one_sentence(tmp_path):
+    missing = tmp_path / 'no.mcap'
+    code, output = run(REPLAY, missing)
+    assert code == 2 and output == f"replay: log '{missing}': it cannot be read (No such file or directory)"
+    rolled = tmp_path / 'rolled.mcap'
+    assert rollout([str(CONFIG / 'four_link_robot.yaml'), '--duration', '0.1', '--output', str(rolled)]) == 0
+    code, output = run(REPLAY, rolled)
+    assert code == 2 and output == f"replay: log '{rolled}': it holds no commands"
