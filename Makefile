@@ -21,7 +21,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # Stay on this machine unless told otherwise.
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
-.PHONY: run test lint colcon clean
+.PHONY: run test lint colcon bench clean
 .NOTPARALLEL:
 
 run: $(RUN_READY)
@@ -40,6 +40,9 @@ COLCON = PATH="$(CURDIR)/$(VENV)/bin:$$PATH" colcon --log-base build/log
 colcon: $(TEST_READY)
 	$(COLCON) build --build-base build/copied --install-base build/install-copied
 	$(COLCON) build --build-base build/linked --install-base build/install-linked --symlink-install
+
+bench: $(RUN_READY)
+	@exec $(VENV)/bin/benchmark $(or $(ARGS),step-time)
 
 # A candidate is run, not looked up: a name on the PATH can be a shim that fails, or lack venv or the C headers.
 CANDIDATES := $(or $(PYTHON),python3.14 python3.13 python3.12 python3.11 python3.10 python3)

@@ -17,7 +17,7 @@ def pybind11_include():
     except ImportError:
         system = any(Path(folder, 'pybind11/pybind11.h').is_file() for folder in ('/usr/include', '/usr/local/include'))
         # colcon builds without isolation, so nobody else installs pybind11; questions about metadata don't need it.
-        if not system and BUILD_COMMANDS.intersection(sys.argv):
+        if not system and '--help' not in sys.argv and BUILD_COMMANDS.intersection(sys.argv):
             sys.exit(f'{NAME} is compiled with pybind11, which {sys.executable} cannot find: '
                      'run `apt install pybind11-dev` or `pip install pybind11`.')
         return []
@@ -50,7 +50,7 @@ setup(
     include_package_data=False,  # the kernel is installed compiled, its sources stay here
     zip_safe=False,
     install_requires=[
-        'mcap>=1.6',    # the log file; flush() closes a chunk since 1.6
+        'mcap>=1.6',    # the log file, with its own lz4 and zstandard; flush() closes a chunk since 1.6
         'numpy>=1.22',  # states and efforts; the reference form of the equations
         'pyyaml',       # the chain file
         'tqdm',         # progress of rollout and resimulate
@@ -67,7 +67,6 @@ setup(
             'hypothesis',                # random chains, files and messages
             'mpmath',                    # 50-digit reference values
             'mujoco', 'pin',             # independent dynamics libraries as oracles
-            'scipy',                     # independent integrator
             'rosbags', 'mcap-ros2-support',  # independent readers of the log
             'colcon-common-extensions',  # the ROS 2 build, both layouts
             'setuptools<80',             # 80 dropped `develop --editable`, without which colcon cannot symlink
@@ -85,5 +84,6 @@ setup(
         f'replay = {NAME}.ros.replay:main',
         f'rollout = {NAME}.recording.rollout:main',
         f'resimulate = {NAME}.recording.resimulation:main',
+        f'benchmark = {NAME}.benchmark.command_line:main',
     ]},
 )

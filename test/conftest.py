@@ -25,7 +25,7 @@ def free_domain():
     raise RuntimeError('no free ROS domain on this machine: 100 test runs at once')
 
 
-# `colcon test` starts in the source tree but tests the installed package: without a kernel the source package only hides it.
+# `colcon test` starts in the source tree to test what is installed; a source package without a kernel only hides that.
 if not any((ROOT / 'planar_chain_sim' / f'_kernel{suffix}').exists() for suffix in EXTENSION_SUFFIXES):
     sys.path[:] = [entry for entry in sys.path if Path(entry).resolve() != ROOT]
 

@@ -1,4 +1,4 @@
-"""The two layouts of `colcon build`: executables, configuration, ament marker, and a kernel loaded from the install tree."""
+"""The two layouts of `colcon build`: executables, configuration, ament marker, and a kernel from the install tree."""
 import os
 from pathlib import Path
 import shutil
@@ -12,7 +12,7 @@ import planar_chain_sim
 
 ROOT = Path(__file__).resolve().parent.parent
 NAME = 'planar_chain_sim'
-EXECUTABLES = ['replay', 'resimulate', 'rollout', 'simulator']
+EXECUTABLES = ['benchmark', 'replay', 'resimulate', 'rollout', 'simulator']
 LAYOUTS = {'copied': [], 'linked': ['--symlink-install']}
 NOT_SOURCES = shutil.ignore_patterns('.*', 'build', 'install', 'log', 'dist', '*.egg-info', '__pycache__', '_kernel*')
 
