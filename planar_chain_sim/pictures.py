@@ -1,0 +1,96 @@
+"""Pictures of a motion: the arm at several times over one another, and its joints against time."""
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+
+from .chain import BASE, Chain
+from .chain_yaml import load_chain
+from .command_line import Mistake, Parser, run_command
+from .path_matrix import motion_of_joints, path_matrix
+from .simulation import rollout, Run
+
+INK, PAPER = '#1f2933', '#ffffff'
+COLORS = ('#0b6e99', '#d9730d', '#448361', '#9065b0', '#c14c8a', '#cb912f', '#787774')
+
+
+def body_lines(chain: Chain, position) -> list:
+    """
+    Return for each body its segments (start, end), complex, m: from its joint point to what it carries.
+
+    A body that carries nothing ends as far beyond its mass centre as that lies from the joint point. Joint points are
+    prefix sums, r_P = P^T (r + p) as in (5.71).
+    """
+    G, offset = motion_of_joints(chain)
+    phi, x = np.split(G @ position + offset, [len(chain.bodies)])
+    carrier = [body.carrier for body in chain.bodies]
+    phi_ = np.array([phi[c] if c != BASE else 0.0 for c in carrier])
+    axis = np.array([np.exp(1j * body.slide.axis) if body.slide else 0.0 for body in chain.bodies])
+    steps = (np.array([body.origin for body in chain.bodies]) + x * axis) * np.exp(1j * phi_)
+    points = path_matrix(chain).T @ steps
+    lines = []
+    for i, body in enumerate(chain.bodies):
+        ends = [points[k] for k, c in enumerate(carrier) if c == i]
+        tip = points[i] + 2.0 * body.center_of_mass * np.exp(1j * phi[i])
+        lines.append([(points[i], end) for end in ends or [tip]])
+    return lines
+
+
+def draw_motion(chain: Chain, run: Run, path: str, moments: int = 26, shown: float = 1.3) -> None:
+    """
+    Write a picture (PNG or SVG by the ending of `path`): the arm at `moments` times of its first `shown` s; its joints.
+
+    OSError where the file cannot be written.
+    """
+    import matplotlib
+    matplotlib.use('Agg')
+    from matplotlib import pyplot
+
+    figure, (left, right) = pyplot.subplots(1, 2, figsize=(11.0, 4.6), width_ratios=(1.0, 1.35), facecolor=PAPER)
+    last = min(len(run.time) - 1, round(shown / (run.time[1] - run.time[0])))
+    ticks = np.linspace(0, last, moments).round().astype(int)
+    for k, tick in enumerate(ticks):
+        for i, segments in enumerate(body_lines(chain, run.position[tick])):
+            for start, end in segments:
+                left.plot([start.real, end.real], [start.imag, end.imag], '-o', color=COLORS[i % len(COLORS)],
+                          alpha=0.12 + 0.88 * (k / (moments - 1))**2, linewidth=3.2 if tick == last else 1.6,
+                          markersize=3.0, solid_capstyle='round', zorder=k)
+    left.plot([0], [0], marker='^', color=INK, markersize=9, zorder=0)
+    left.set(aspect='equal', xlabel='x, m', ylabel='y, m', title=f'the first {run.time[last]:g} s')
+    names = list(chain.joint_names)
+    for i, body in enumerate(chain.bodies):   # a joint has the colour of its body, a slide is dashed
+        for joint, style, unit in ((body.slide, '--', 'm'), (body.rotation, '-', 'rad')):
+            if joint is not None:
+                right.plot(run.time, run.position[:, names.index(joint.name)], style, color=COLORS[i % len(COLORS)],
+                           label=f'{joint.name}, {unit}')
+    right.set(xlabel='time, s', title='joint positions', xlim=(0.0, run.time[-1]))
+    right.legend(frameon=False, fontsize=8, loc='upper right')
+    for axes in (left, right):
+        axes.grid(alpha=0.25)
+        axes.spines[['top', 'right']].set_visible(False)
+    figure.tight_layout()
+    figure.savefig(path, dpi=130)
+    pyplot.close(figure)
+
+
+def _picture(arguments) -> int:
+    program = 'python -m planar_chain_sim.pictures'
+    parser = Parser(program, 'Draw how a chain moves from its initial state with no effort.',
+                    f'{program} config/four_link_robot.yaml docs/four_link_robot.png')
+    parser.add_argument('chain', help='chain file')
+    parser.add_argument('output', help='PNG or SVG file')
+    parser.add_argument('--duration', type=float, default=12.0, metavar='S', help='simulated time, s; default 12')
+    options = parser.parse_args(arguments)
+    chain = load_chain(options.chain)
+    try:
+        draw_motion(chain, rollout(chain, options.duration), options.output)
+    except OSError as error:
+        raise Mistake(f'{options.output!r}: {error.strerror}') from None
+    except ImportError as error:
+        raise Mistake(f'{error}: pictures need the extra [benchmark]') from None
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(run_command('pictures', _picture, None))
