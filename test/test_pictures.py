@@ -7,7 +7,7 @@ from planar_chain_sim.pictures import body_lines
 
 
 def test_lines_of_a_tree_keep_the_lengths_of_its_bodies():
-    """Whatever the angles: a body without a slide stands where its carrier's origin says, a leaf ends behind its centre."""
+    """A body without a slide stands where its carrier has its origin, a leaf ends behind its mass centre."""
     for seed in range(10):
         chain = random_tree(seed, bodies=9)
         lines = body_lines(chain, np.random.default_rng(seed).normal(size=chain.joint_count))
