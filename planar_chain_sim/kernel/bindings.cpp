@@ -1,4 +1,4 @@
-// The border between Python and the kernel: NumPy arrays that Python has checked in, status codes out, the GIL released.
+// The border between Python and the kernel: NumPy arrays that Python has checked in, status codes out, no GIL held.
 #include <pybind11/complex.h>
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
@@ -59,7 +59,8 @@ class Model {
     Array acceleration(chain_.joint_count);
     std::copy(effort.data(), effort.data() + chain_.joint_count, effort_.begin());
     forces.add_passive(position.data(), velocity.data(), effort_.data());
-    const int joint = recursion_->forward(position.data(), velocity.data(), effort_.data(), acceleration.mutable_data());
+    const int joint =
+        recursion_->forward(position.data(), velocity.data(), effort_.data(), acceleration.mutable_data());
     return {acceleration, joint};
   }
 
@@ -195,7 +196,9 @@ PYBIND11_MODULE(_kernel, module) {
       .def("add_spring", [](Model& m, int joint, double stiffness, double rest) {
         m.forces.springs.push_back({joint, stiffness, rest});
       })
-      .def("add_friction", [](Model& m, int joint, double friction) { m.forces.frictions.push_back({joint, friction}); })
+      .def("add_friction", [](Model& m, int joint, double friction) {
+        m.forces.frictions.push_back({joint, friction});
+      })
       .def("add_limit", [](Model& m, int joint, double limit) { m.forces.limits.push_back({joint, limit}); })
       .def("add_stop", [](Model& m, int joint, double lower, double upper) {
         m.forces.stops.push_back({joint, lower, upper});

@@ -1,7 +1,7 @@
 // The const model: a tree of links as the recursion reads it. Built once by Python, which has checked every number.
 //
-// Welded bodies are merged into their carrier (equations.md 5) and every fixed angle is absorbed into the constants, so that
-// phi_i = phi_carrier + sign * theta_i for a link that turns and phi_i = phi_carrier for one that only slides.
+// Welded bodies are merged into their carrier (equations.md 5) and every fixed angle is absorbed into the constants, so
+// that phi_i = phi_carrier + sign * theta_i for a link that turns and phi_i = phi_carrier for one that only slides.
 #pragma once
 
 #include <vector>

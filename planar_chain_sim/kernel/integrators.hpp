@@ -1,4 +1,4 @@
-// Explicit Runge-Kutta steps of q' = v, v' = f(q, v, u) with compensated sums. Coefficients come from METHODS in integrators.py.
+// Explicit Runge-Kutta steps of q' = v, v' = f(q, v, u) with compensated sums. Coefficients: METHODS in integrators.py.
 #pragma once
 
 #include <cmath>
@@ -35,7 +35,7 @@ class ExplicitRungeKutta {
         rates_(static_cast<std::size_t>(tableau.stages) * joints_),
         accelerations_(static_cast<std::size_t>(tableau.stages) * joints_) {}
 
-  // One step under the clamped actuator effort. The state changes only if the outcome is good; else `joint` names the culprit.
+  // One step under the clamped actuator effort. The state changes only if the outcome is good; else `joint` is why.
   Outcome step(JointState& state, const double* actuator, int& joint) {
     for (int stage = 0; stage < tableau_.stages; ++stage) {
       double* rate = row_of(rates_, stage);

@@ -1,5 +1,5 @@
-// Laws of joint effort, each on the relative coordinate (equations.md 4): twin of joint_forces.py. A law nobody uses has an empty
-// list and costs nothing.
+// Laws of joint effort, each on the relative coordinate (equations.md 4): twin of joint_forces.py. A law nobody uses
+// has an empty list and costs nothing.
 #pragma once
 
 #include <vector>

@@ -1,4 +1,4 @@
-// The O(n) recursion of equations.md 6: forward dynamics by 2x2 articulated masses, inverse dynamics and energy by running sums.
+// The O(n) recursion of equations.md 6: forward dynamics by 2x2 articulated masses, the rest by running sums.
 // World axes throughout; `perp` is the rotation by +90 degrees, multiplication by j.
 #pragma once
 
@@ -18,7 +18,9 @@ inline Vec operator-(Vec a, Vec b) { return {a.x - b.x, a.y - b.y}; }
 inline Vec operator*(double s, Vec a) { return {s * a.x, s * a.y}; }
 inline double dot(Vec a, Vec b) { return a.x * b.x + a.y * b.y; }
 inline Vec perp(Vec a) { return {-a.y, a.x}; }
-inline Vec rotate(double x, double y, double cosine, double sine) { return {x * cosine - y * sine, x * sine + y * cosine}; }
+inline Vec rotate(double x, double y, double cosine, double sine) {
+  return {x * cosine - y * sine, x * sine + y * cosine};
+}
 
 struct Sym {  // symmetric 2x2 matrix
   double xx = 0.0, xy = 0.0, yy = 0.0;
@@ -37,7 +39,9 @@ struct Outboard {
   double inertia = 0.0, torque = 0.0, scale = 0.0;  // I, t, what the pivot I is compared with
 
   void operator+=(const Outboard& other) {
-    articulated.xx += other.articulated.xx, articulated.xy += other.articulated.xy, articulated.yy += other.articulated.yy;
+    articulated.xx += other.articulated.xx;
+    articulated.xy += other.articulated.xy;
+    articulated.yy += other.articulated.yy;
     coupling = coupling + other.coupling, bias = bias + other.bias;
     inertia += other.inertia, torque += other.torque, scale += other.scale;
   }
@@ -57,7 +61,7 @@ struct LinkState {
   Vec acceleration;                                           // a_i
   double angular_acceleration = 0.0;                          // phi_i''
   Vec force;                                                  // F_i, inverse dynamics alone
-  double torque_carried = 0.0;                                // tau_i before the sign of its axis, inverse dynamics alone
+  double torque_carried = 0.0;                                // P Q_phi, tau_i before its sign, inverse dynamics alone
 };
 
 // A pivot at or below this fraction of its scale is no pivot: equations.md 7, "Guard".
@@ -69,7 +73,8 @@ class Recursion {
       : chain_(chain), state_(chain.links.size()), angle_((chain.links.size() / sine_block + 1) * sine_block),
         sine_(angle_.size()), cosine_(angle_.size(), 1.0) {}
 
-  // Joint accelerations from joint efforts that already contain every joint law. Returns -1, or the joint whose pivot vanished.
+  // Joint accelerations from joint efforts that already contain every joint law. Returns -1, or the joint whose pivot
+  // vanished.
   int forward(const double* position, const double* velocity, const double* effort, double* acceleration) {
     turn(position, velocity);
     const int singular = eliminate(position, velocity, effort);
@@ -80,7 +85,8 @@ class Recursion {
   }
 
   // Efforts of the bare mechanism (armature in, joint laws out) for given accelerations: equations.md 6.1.
-  void inverse(const double* position, const double* velocity, const double* acceleration, bool gravity, double* effort) {
+  void inverse(const double* position, const double* velocity, const double* acceleration, bool gravity,
+               double* effort) {
     turn(position, velocity);
     state_[0].acceleration = gravity ? Vec{-chain_.gravity_x, -chain_.gravity_y} : Vec{};
     for (int i = 1; i <= chain_.link_count(); ++i) {
@@ -129,7 +135,7 @@ class Recursion {
     s.moment = rotate(link.moment_x, link.moment_y, cosine_[i], sine_[i]);
   }
 
-  // Leaf to root. What a link hands on stays in registers where its carrier comes next, as it does all along a serial chain.
+  // Leaf to root. What a link hands on stays in registers where its carrier comes next, as all along a serial chain.
   int eliminate(const double* position, const double* velocity, const double* effort) {
     Outboard sum;
     for (int i = chain_.link_count(); i >= 1; --i) {
@@ -153,14 +159,14 @@ class Recursion {
     return -1;
   }
 
-  // Steps (1) to (3) of equations.md 6.2 for one link: `sum` over its children comes in, its own share in its carrier goes out.
+  // Steps (1) to (3) of equations.md 6.2 for one link: `sum` over its children comes in, its own share goes out.
   int eliminate(const Link& link, LinkState& s, const double* effort, Outboard& sum) const {
     Sym a = {link.mass + sum.articulated.xx, sum.articulated.xy, link.mass + sum.articulated.yy};
     Vec h = perp(s.moment) + sum.coupling;
     Vec b = sum.bias - (s.rate * s.rate) * s.moment;
     double inertia = link.inertia + sum.inertia, torque = sum.torque, scale = link.inertia + sum.scale;
     double reaction = 0.0;  // what the joint's own effort does to the carrier
-    // Three components (h, I, t) go on to the carrier where the link's angle is its carrier's or a rotor couples the two.
+    // Three components (h, I, t) go on to a carrier whose angle is the link's own or which a rotor couples to it.
     bool three = link.carrier > 0;
 
     if (link.rotation >= 0) {  // (1) own angle
@@ -202,6 +208,7 @@ class Recursion {
       b = b + nu * s.slide_row;
     }
 
+    if (link.carrier == 0) return -1;
     const Vec lever = perp(s.lever);  // (3) the share in the carrier, s_i
     const Vec z = a * lever;
     sum.articulated = a;
@@ -219,7 +226,7 @@ class Recursion {
     return -1;
   }
 
-  // Root to leaf: accelerations of joint point, slide and angle; those of the carrier stay in registers along a serial chain.
+  // Root to leaf: accelerations of joint point, slide and angle, the carrier's in registers along a serial chain.
   void substitute(double* acceleration) {
     Vec linear;
     double angular = 0.0;
@@ -260,7 +267,8 @@ class Recursion {
   void balance(int i, const double* acceleration, double* effort) {
     const Link& link = chain_.links[i];
     const LinkState& s = state_[i];
-    if (link.rotation >= 0) effort[link.rotation] = link.sign * s.torque_carried + link.rotor * acceleration[link.rotation];
+    if (link.rotation >= 0)
+      effort[link.rotation] = link.sign * s.torque_carried + link.rotor * acceleration[link.rotation];
     if (link.slide >= 0)
       effort[link.slide] = dot(s.slide_axis, s.force) + link.slide_armature * acceleration[link.slide];
     if (link.carrier == 0) return;

@@ -1,4 +1,4 @@
-// Ticks in a row under given efforts: the loop that Simulation.advance and rollout call once. No allocation, no exception inside.
+// Ticks in a row under given efforts: the loop that Simulation.advance and rollout call once. No allocation inside.
 #pragma once
 
 #include <cstdint>
