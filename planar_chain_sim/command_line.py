@@ -1,9 +1,9 @@
-"""What every command line of this package keeps to: help with an example, one sentence on stderr and exit code 2 for a mistake."""
+"""What every command line here keeps to: help with an example, one sentence on stderr and exit code 2 for a mistake."""
 from __future__ import annotations
 
+from argparse import ArgumentParser, RawDescriptionHelpFormatter
 import signal
 import sys
-from argparse import ArgumentParser, RawDescriptionHelpFormatter
 from typing import Callable, NoReturn, Optional, Sequence
 
 INTERRUPTED = 130   # the shell's code for a command that Ctrl-C ended
@@ -25,7 +25,8 @@ class Parser(ArgumentParser):
         raise Mistake(f'{message} (see {self.prog} --help)')
 
 
-def run_command(program: str, body: Callable[[Optional[Sequence[str]]], int], arguments: Optional[Sequence[str]]) -> int:
+def run_command(program: str, body: Callable[[Optional[Sequence[str]]], int],
+                arguments: Optional[Sequence[str]]) -> int:
     """
     Run `body(arguments)` and return its exit code; 2 and one sentence on stderr for a user's mistake; 130 after Ctrl-C.
 

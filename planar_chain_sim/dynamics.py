@@ -1,4 +1,4 @@
-"""Forward and inverse dynamics, mass matrix and energy of a chain at one state: the border where arguments are checked."""
+"""Forward and inverse dynamics, mass matrix and energy of a chain at one state: where arguments are checked."""
 from __future__ import annotations
 
 import numpy as np
@@ -13,7 +13,8 @@ class SimulationError(RuntimeError):
     """
     A state that ran away or met a singular configuration: one sentence, and where it stopped.
 
-    `time` s, `tick`, `joint` (name), `position` and `velocity` (joints,): the last good state; None where there is no simulation.
+    `time` s, `tick`, `joint` (name), `position` and `velocity` (joints,): the last good state.
+    `time` and `tick` are None where there is no simulation.
     """
 
     def __init__(self, message, *, joint=None, time=None, tick=None, position=None, velocity=None):
@@ -51,7 +52,7 @@ def forward_dynamics(chain: Chain, position, velocity, effort, form: str = 'auto
     Joint accelerations (joints,), rad/s^2 or m/s^2, under joint efforts in N m or N.
 
     Gravity, damping, springs and the friction of moving joints act; the effort is not clamped and stops are not known.
-    `form`: 'recursive', the O(n) elimination of equations.md 6.2 and 6.3, or 'reference', (5.87) and (5.88) as matrices.
+    `form`: 'recursive', O(n) elimination by equations.md 6.2 and 6.3, or 'reference', (5.87) and (5.88) as matrices.
     ValueError: bad shape, non-finite value, unknown form. SimulationError: singular configuration, names the joint.
     """
     position, velocity, effort = _joint_arrays(chain, position=position, velocity=velocity, effort=effort)
@@ -61,13 +62,14 @@ def forward_dynamics(chain: Chain, position, velocity, effort, form: str = 'auto
     if joint >= 0 or not np.isfinite(acceleration).all():
         name = chain.joint_names[joint if joint >= 0 else int(np.argmin(np.isfinite(acceleration)))]
         why = 'the configuration is singular' if joint >= 0 else 'the acceleration is not finite'
-        raise SimulationError(f"joint '{name}' of {chain.name}: {why}", joint=name, position=position, velocity=velocity)
+        raise SimulationError(f"joint '{name}' of {chain.name}: {why}",
+                              joint=name, position=position, velocity=velocity)
     return acceleration
 
 
 def inverse_dynamics(chain: Chain, position, velocity, acceleration) -> np.ndarray:
     """
-    Efforts (joints,), N m or N, that give these accelerations: the exact inverse of forward_dynamics (equations.md 6.1).
+    Efforts (joints,), N m or N, for these accelerations: the exact inverse of forward_dynamics (equations.md 6.1).
 
     ValueError: bad shape or non-finite value.
     """
@@ -81,6 +83,6 @@ def mass_matrix(chain: Chain, position) -> np.ndarray:
 
 
 def energy(chain: Chain, position, velocity) -> tuple[float, float]:
-    """Kinetic energy T with armature and potential energy V = -sum m g . r + springs, J (equations.md 6.1). ValueError as above."""
+    """Energies T with armature, V = -sum m g . r + springs, in J (equations.md 6.1). ValueError as above."""
     kinetic, potential = chain.plan.model.energy(*_joint_arrays(chain, position=position, velocity=velocity))
     return kinetic, potential + chain.plan.grounded_energy

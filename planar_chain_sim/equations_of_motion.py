@@ -1,7 +1,7 @@
 """
 The equations of motion in the reference form: (5.87) for every angle, (5.88) for every slide, as matrices, to be read.
 
-Source: K. Arczewski, Mathematical Modelling of Complex Mechanical Systems, 5.4.5-5.4.9, with the corrections of equations.md.
+Source: K. Arczewski, Mathematical Modelling of Complex Mechanical Systems, 5.4.5-5.4.9, as corrected in equations.md.
 Plane vectors are complex numbers x + j y; a bold diagonal matrix of vectors is kept as the array of its entries.
 
 ======================  ==============  ==================  =================================================
@@ -36,7 +36,7 @@ def _dot(left, A, right):
 
 @dataclass(frozen=True)
 class AbsoluteEquations:
-    """H [phi''; x''] + bias = gravity + Q for all bodies as if each could turn and slide: what (5.87) and (5.88) say."""
+    """What (5.87), (5.88) say: H [phi''; x''] + bias = gravity + Q for all bodies as if each could turn and slide."""
 
     H: np.ndarray          # (2 bodies, 2 bodies)
     bias: np.ndarray       # (2 bodies,), terms in phi'^2 and x' phi'
@@ -47,7 +47,7 @@ def absolute_equations(chain: Chain, phi, dphi, x, dx) -> AbsoluteEquations:
     """
     (5.87) and (5.88) for all angles and slides.
 
-    `phi`, `dphi` (bodies,) absolute angles and rates, rad, rad/s; `x`, `dx` (bodies,) slides, m, m/s (0 where there is none).
+    `phi`, `dphi` (bodies,) absolute angles and rates, rad, rad/s; `x`, `dx` (bodies,) slides, m, m/s, 0 where none is.
     """
     S, P, M = incidence_matrix(chain), path_matrix(chain), shared_mass_matrix(chain)
     S_ = np.eye(len(chain.bodies)) - S
@@ -70,12 +70,13 @@ def absolute_equations(chain: Chain, phi, dphi, x, dx) -> AbsoluteEquations:
     force0 = M @ w0 + P @ (m * u0)
     Pm, mPT = P * m, (P * m).T
 
-    H_phi_phi = S_ @ (_dot(lever, M, lever) @ S_.T + _dot(lever, Pm, cu)) + np.diag(J) + _dot(cu, mPT, lever) @ S_.T  # (5.87)
-    H_phi_x = S_ @ _dot(lever, M, chi) + _dot(cu, mPT, chi)                                                           # (5.87)
-    bias_phi = S_ @ np.real(np.conj(lever) * force0) + np.real(np.conj(cu) * (mPT @ w0))                              # (5.87)
-    H_x_phi = _dot(chi, M, lever) @ S_.T + _dot(chi, Pm, cu)                                                          # (5.88)
-    H_x_x = _dot(chi, M, chi)                                                                                         # (5.88)
-    bias_x = np.real(np.conj(chi) * force0)                                                                           # (5.88)
+    H_phi_phi = (S_ @ (_dot(lever, M, lever) @ S_.T + _dot(lever, Pm, cu))
+                 + np.diag(J) + _dot(cu, mPT, lever) @ S_.T)                                # (5.87)
+    H_phi_x = S_ @ _dot(lever, M, chi) + _dot(cu, mPT, chi)                                 # (5.87)
+    bias_phi = S_ @ np.real(np.conj(lever) * force0) + np.real(np.conj(cu) * (mPT @ w0))    # (5.87)
+    H_x_phi = _dot(chi, M, lever) @ S_.T + _dot(chi, Pm, cu)                                # (5.88)
+    H_x_x = _dot(chi, M, chi)                                                               # (5.88)
+    bias_x = np.real(np.conj(chi) * force0)                                                 # (5.88)
 
     g, M_diagonal = np.conj(chain.gravity), np.diag(M)                          # ~M of (5.60)
     gravity_phi = S_ @ np.real(g * M_diagonal * lever) + np.real(g * m * cu)    # (5.87), right side
@@ -88,7 +89,8 @@ def joint_equations(chain: Chain, position, velocity):
     """
     H (joints, joints) and h (joints,) of H q'' + h = effort: the absolute equations mapped to joint coordinates.
 
-    H_q = G^T H G with the armature of every joint on its diagonal (equations.md 4, 6.3); h = G^T (bias - gravity) - passive effort.
+    H_q = G^T H G with the armature of every joint on its diagonal (equations.md 4, 6.3);
+    h = G^T (bias - gravity) - passive effort.
     """
     G, offset = motion_of_joints(chain)
     bodies = len(chain.bodies)
@@ -100,13 +102,13 @@ def joint_equations(chain: Chain, position, velocity):
 
 
 def forward_dynamics(chain: Chain, position, velocity, effort) -> np.ndarray:
-    """q'' = H^-1 (effort - h), (joints,), rad/s^2 or m/s^2; numpy.linalg.LinAlgError where H is exactly singular."""
+    """Return q'' = H^-1 (effort - h), (joints,), rad/s^2 or m/s^2; numpy.linalg.LinAlgError where H is singular."""
     H, h = joint_equations(chain, position, velocity)
     return np.linalg.solve(H, effort - h)
 
 
 def inverse_dynamics(chain: Chain, position, velocity, acceleration) -> np.ndarray:
-    """effort = H q'' + h, (joints,), N m or N."""
+    """Return the effort H q'' + h, (joints,), N m or N."""
     H, h = joint_equations(chain, position, velocity)
     return H @ acceleration + h
 

@@ -13,7 +13,7 @@ from .path_matrix import motion_of_joints, path_matrix, shared_mass_matrix
 
 
 def energy(chain: Chain, position, velocity) -> tuple[float, float]:
-    """T with armature and V = -sum m g . r_C + spring energy, both in J; position, velocity (joints,): (5.65), (5.72)."""
+    """T with armature, V = -sum m g . r_C + spring energy, both in J; position, velocity (joints,): (5.65), (5.72)."""
     P, M = path_matrix(chain), shared_mass_matrix(chain)
     G, offset = motion_of_joints(chain)
     bodies = len(chain.bodies)

@@ -1,7 +1,8 @@
 """
-JOINT_FORCES: the laws of joint effort, one per row, each on the relative coordinate (equations.md 4); twin of kernel/joint_forces.hpp.
+JOINT_FORCES: the laws of joint effort, one per row, each on the relative coordinate (equations.md 4).
 
-A row says which joints have the law, what effort it adds (N m or N), what energy it stores (J), and how the kernel hears of it.
+A row says which joints have the law, what effort it adds (N m or N), what energy it stores (J), and how the kernel
+hears of it. The kernel's twin is kernel/joint_forces.hpp.
 """
 from __future__ import annotations
 
@@ -58,8 +59,8 @@ def passive_effort(chain: Chain, position: np.ndarray, velocity: np.ndarray) -> 
 
 def stored_energy(chain: Chain, position: np.ndarray) -> float:
     """Energy in the springs, J."""
-    return sum((law.energy(joint, q) for joint, q in zip(chain.joints, position) for law in JOINT_FORCES if law.acts_on(joint)),
-               0.0)
+    return sum((law.energy(joint, q)
+                for joint, q in zip(chain.joints, position) for law in JOINT_FORCES if law.acts_on(joint)), 0.0)
 
 
 def teach_kernel(model, chain: Chain) -> None:

@@ -1,5 +1,5 @@
 """
-Topology of a chain as matrices: incidence S, path P, shared masses M; the joint map; welded bodies merged (equations.md 1, 4, 5).
+Topology as matrices: incidence S, path P, shared masses M; the joint map; welded bodies merged (equations.md 1, 4, 5).
 
 Rows and columns are bodies in file order, welded ones included; the base has no row.
 """
@@ -18,7 +18,8 @@ def incidence_matrix(chain: Chain) -> np.ndarray:
     """
     S (bodies, bodies): S[i, i] = 1 and S[i-, i] = -1, one column per body (equations.md 1).
 
-    (S^T v)_i = v_i - v_i- is the difference along the joint; S_ = I - S picks the carrier's value, {phi'_} = S_^T {phi'}.
+    (S^T v)_i = v_i - v_i- is the difference along the joint; S_ = I - S picks the carrier's value,
+    {phi'_} = S_^T {phi'}.
     """
     S = np.eye(len(chain.bodies))
     for i, body in enumerate(chain.bodies):
@@ -28,7 +29,7 @@ def incidence_matrix(chain: Chain) -> np.ndarray:
 
 
 def path_matrix(chain: Chain) -> np.ndarray:
-    """P = S^-1 (bodies, bodies): P[i, j] = 1 if body i lies on the path from j to the root, j included (equations.md 1)."""
+    """P = S^-1 (bodies, bodies), equations.md 1: P[i, j] = 1 if body i is on the path from j (included) to the root."""
     P = np.eye(len(chain.bodies))
     for j, body in enumerate(chain.bodies):
         if body.carrier != BASE:
@@ -44,11 +45,11 @@ def shared_mass_matrix(chain: Chain) -> np.ndarray:
 
 def motion_of_joints(chain: Chain) -> tuple[np.ndarray, np.ndarray]:
     """
-    The constant map from joint coordinates q to absolute ones: [phi; x] = G q + offset.
+    Return the constant map from joint coordinates q to absolute ones: [phi; x] = G q + offset.
 
-    phi = P^T theta (equations.md 4) with theta_i = angle_i + axis_i q_i, and q_i left out where body i cannot turn on its carrier: its
-    column is then missing from P^T, which is the group matrix E of equations.md 5 in joint coordinates. Virtual work gives the
-    rest: H_q = G^T H G and G^T Q = tau.
+    phi = P^T theta (equations.md 4) with theta_i = angle_i + axis_i q_i, and q_i left out where body i cannot turn on
+    its carrier: its column is then missing from P^T, which is the group matrix E of equations.md 5 in joint
+    coordinates. Virtual work gives the rest: H_q = G^T H G and G^T Q = tau.
 
     Returns G (2 bodies, joints) and offset (2 bodies,), rad and m.
     """
@@ -68,7 +69,7 @@ def motion_of_joints(chain: Chain) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass
 class Link:
-    """A body with the bodies welded to it, its frame turned so that phi_i = phi_i- + axis q_i; what the kernel computes with."""
+    """What the kernel computes with: a body and what is welded to it, in a frame with phi_i = phi_i- + axis q_i."""
 
     carrier: int             # slot of the carrying link, 0 is the base
     offset: complex          # rho_i, carrier's frame, m
@@ -82,11 +83,13 @@ class Link:
 
 def merge_welded(chain: Chain) -> tuple[list[Link], complex]:
     """
-    The chain's links in regular labelling: welded bodies merged into their carriers (equations.md 5).
+    Return the chain's links in regular labelling: welded bodies merged into their carriers (equations.md 5).
 
-    Bodies welded to the base never move and are dropped; their first moment sum m r_C, kg m, is returned for the potential energy.
+    Bodies welded to the base never move and are dropped; their first moment sum m r_C, kg m, is returned for the
+    potential energy.
 
-    Every fixed angle is absorbed into the constants: for each body the triple (link, position, angle) places its frame in its link's.
+    Every fixed angle is absorbed into the constants: for each body the triple (link, position, angle) places its frame
+    in its link's.
     """
     links: list[Link] = []
     grounded = 0j

@@ -8,13 +8,13 @@ import numpy as np
 
 from . import _kernel
 from .chain import Chain
-from .joint_forces import JOINT_FORCES, has_stop, teach_kernel
+from .joint_forces import has_stop, JOINT_FORCES, teach_kernel
 from .path_matrix import merge_welded
 
 
 @dataclass(frozen=True)
 class Plan:
-    """`model`: the kernel's const data; `used` and `skipped`: features of the scene; str() is the one line a start-up log prints."""
+    """`model`: the kernel's const data; `used`, `skipped`: the scene's features; str() is one line for a log."""
 
     model: object
     links: int
@@ -24,8 +24,8 @@ class Plan:
     grounded_energy: float    # J, potential energy of bodies welded to the base, which the kernel never sees
 
     def __str__(self):
-        return (f'{self.links} links, {self.joints} joints, O(n) recursion; uses {", ".join(self.used) or "nothing more"}; '
-                f'skips {", ".join(self.skipped) or "nothing"}')
+        return (f'{self.links} links, {self.joints} joints, O(n) recursion; '
+                f'uses {", ".join(self.used) or "nothing more"}; skips {", ".join(self.skipped) or "nothing"}')
 
 
 def _kernel_model(chain: Chain, links) -> object:
@@ -39,8 +39,8 @@ def _kernel_model(chain: Chain, links) -> object:
         (link.carrier, index[link.slide.name] if link.slide else -1, index[link.rotation.name] if link.rotation else -1)
         for link in links], dtype=np.int32).reshape(len(links), 3)
     constants = np.array([
-        (link.rotation.axis if link.rotation else 1.0, link.mass, outboard[slot], link.moment.real, link.moment.imag, link.inertia,
-         link.offset.real, link.offset.imag, link.slide_axis.real, link.slide_axis.imag,
+        (link.rotation.axis if link.rotation else 1.0, link.mass, outboard[slot], link.moment.real, link.moment.imag,
+         link.inertia, link.offset.real, link.offset.imag, link.slide_axis.real, link.slide_axis.imag,
          link.rotation.armature if link.rotation else 0.0, link.slide.armature if link.slide else 0.0)
         for slot, link in enumerate(links, start=1)]).reshape(len(links), 12)
     model = _kernel.Model(topology, constants, (chain.gravity.real, chain.gravity.imag), chain.joint_count)
@@ -60,17 +60,20 @@ def make_plan(chain: Chain) -> Plan:
         'effort limits': any(joint.effort_limit < float('inf') for joint in chain.joints),
         'stops': any(map(has_stop, chain.joints)),
     }
+    used = tuple(name for name, present in features.items() if present)
+    skipped = tuple(name for name, present in features.items() if not present)
     welded = len(chain.bodies) - len(links)
-    return Plan(_kernel_model(chain, links), len(links), chain.joint_count,
-                tuple(name for name, present in features.items() if present) + ((f'{welded} welded bodies merged',) if welded else ()),
-                tuple(name for name, present in features.items() if not present), -(grounded * chain.gravity.conjugate()).real)
+    if welded:
+        used += (f'{welded} welded bodies merged',)
+    return Plan(_kernel_model(chain, links), len(links), chain.joint_count, used, skipped,
+                -(grounded * chain.gravity.conjugate()).real)
 
 
 def singular_joint(chain: Chain) -> Optional[str]:
     """
-    Name of a joint whose pivot vanishes at every one of a few fixed irregular configurations, else None (equations.md 7).
+    Name of a joint whose pivot vanishes at each of a few fixed irregular configurations, else None (equations.md 7).
 
-    Pivots are analytic in q, so a pivot that is zero at all of them is zero everywhere: the chain has no motion to compute.
+    Pivots are analytic in q: zero at all of them is zero everywhere, and then the chain has no motion to compute.
     """
     count = chain.joint_count
     zero, joint = np.zeros(count), -1

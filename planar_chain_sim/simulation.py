@@ -1,4 +1,4 @@
-"""Simulation: a chain in time. State, ticks and efforts; no clock, no ROS. Same chain, method, step and efforts: same bits."""
+"""A chain in time: state, ticks, efforts; no clock, no ROS. Same chain, method, step and efforts: same bits."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ import numpy as np
 
 from . import _kernel
 from .chain import Chain
-from .dynamics import SimulationError, check_form, forward_dynamics, joint_array
+from .dynamics import check_form, forward_dynamics, joint_array, SimulationError
 from .integrators import AUTO, METHODS
 
 # Outcomes of the kernel's step, in the order of `enum class Outcome` (kernel/integrators.hpp).
@@ -18,7 +18,7 @@ _WHY = (None, 'the configuration is singular', 'the state ran away and would not
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """Everything that decides how a simulation goes on: its tick and the kernel's state, hidden round-off terms included."""
+    """What decides how a simulation goes on: its tick and the kernel's state, hidden round-off terms included."""
 
     tick: int
     state: tuple
@@ -31,7 +31,7 @@ def initial_state(chain: Chain) -> tuple[np.ndarray, np.ndarray]:
 
 
 def resolve_method(method: str, tolerance: Optional[float]):
-    """Row of METHODS for a name or 'auto'; ValueError for an unknown one, or a tolerance that no method here can use."""
+    """Row of METHODS for a name or 'auto'; ValueError for an unknown one, or a tolerance that the method cannot use."""
     if method != 'auto' and method not in METHODS:
         raise ValueError(f"method is {method!r}, must be 'auto' or one of {', '.join(map(repr, METHODS))}")
     row = METHODS[AUTO if method == 'auto' else method]
@@ -44,7 +44,7 @@ class Simulation:
     """
     A chain that moves tick by tick: tick k is at k * step, the effort is constant within a tick.
 
-    `step` s; `tolerance` belongs to adaptive methods; `form` as in forward_dynamics (the kernel integrates the recursive form).
+    `step` s; `tolerance` belongs to adaptive methods; `form` as in forward_dynamics (the recursive one is integrated).
     ValueError: bad method, step, tolerance or form; a chain with Coulomb friction, whose sticking is not simulated yet.
     """
 
@@ -56,7 +56,8 @@ class Simulation:
             raise ValueError(f"form is {form!r}, must be 'auto' or 'recursive': only compiled forms are integrated")
         sticky = next((joint.name for joint in chain.joints if joint.friction > 0.0), None)
         if sticky is not None:
-            raise ValueError(f"joint '{sticky}' of {chain.name} has `friction`, whose sticking this version does not simulate yet")
+            raise ValueError(f"joint '{sticky}' of {chain.name} has `friction`, "
+                             'whose sticking this version does not simulate yet')
         self.chain, self.step, self.form = chain, float(step), 'recursive'
         self._row = resolve_method(method, tolerance)
         self.method, self.tolerance = self._row.name, tolerance
@@ -107,20 +108,25 @@ class Simulation:
     def plan(self) -> str:
         """What this scene needs and what is skipped, the method and form chosen and why, on one line."""
         why = ' (auto: fixed step, nothing adaptive in this version)' if self._asked == 'auto' else ''
-        return f'{self.chain.plan}; method {self.method}{why}, order {self._row.order}, step {self.step:g} s; form {self.form}'
+        return (f'{self.chain.plan}; method {self.method}{why}, order {self._row.order}, step {self.step:g} s; '
+                f'form {self.form}')
 
     def set_state(self, position, velocity) -> None:
-        """Put joint positions and velocities (joints,); time is unchanged, hidden round-off terms are cleared. ValueError: bad arrays."""
+        """
+        Put joint positions and velocities (joints,); time is unchanged, hidden round-off terms are cleared.
+
+        ValueError: bad arrays.
+        """
         shape = (self.chain.joint_count,)
         self._stepper.set_state(joint_array('position', position, shape), joint_array('velocity', velocity, shape))
 
     def advance(self, ticks: int, effort=None, record: Optional[tuple] = None) -> None:
         """
-        Go on for `ticks` ticks under `effort`: (joints,) is held, (ticks, joints) is a row per tick, None is zero. N m or N.
+        Go on for `ticks` ticks under `effort`, N m or N: (joints,) is held, (ticks, joints) a row per tick, None zero.
 
-        `record`: three C-ordered float64 arrays (ticks, joints) that take position, velocity and acted effort of every tick.
-        ValueError: bad count, shape or value, before anything moves. SimulationError: singular or not finite; the last good
-        state stays.
+        `record`: three C-ordered float64 arrays (ticks, joints) that take position, velocity and acted effort of each
+        tick. ValueError: bad count, shape or value, before anything moves. SimulationError: singular, not finite or at
+        a stop; the last good state stays.
         """
         if not isinstance(ticks, (int, np.integer)) or isinstance(ticks, bool) or ticks < 0:
             raise ValueError(f'ticks is {ticks!r}, must be a whole number >= 0')
@@ -129,10 +135,11 @@ class Simulation:
         else:
             joints = self.chain.joint_count
             effort = joint_array('effort', effort, (joints,) if np.ndim(effort) == 1 else (ticks, joints))
+        shape = ticks, self.chain.joint_count
         for rows in record or ():
-            if rows.shape != (ticks, len(self._zero)) or rows.dtype != np.float64 or not rows.flags.c_contiguous:
-                raise ValueError(f'record has an array of {rows.dtype} and shape {rows.shape}, must be C-ordered float64 of shape '
-                                 f'{(ticks, len(self._zero))}')
+            if rows.shape != shape or rows.dtype != np.float64 or not rows.flags.c_contiguous:
+                raise ValueError(f'record has an array of {rows.dtype} and shape {rows.shape}, '
+                                 f'must be C-ordered float64 of shape {shape}')
         done, outcome, joint = self._stepper.advance(ticks, effort, record)
         self._tick += done
         if outcome:
@@ -143,7 +150,7 @@ class Simulation:
                 position=self.position, velocity=self.velocity)
 
     def advance_to(self, time: float, effort=None) -> None:
-        """Go on to `time` s, a whole number of ticks away and not backwards, else ValueError; `effort` as in advance."""
+        """Go on to `time` s, a whole number of ticks ahead or none, else ValueError; `effort` as in advance."""
         if not np.isfinite(time):
             raise ValueError(f'time is {time!r}, must be finite')
         tick = round(time / self.step)
@@ -167,7 +174,7 @@ class Simulation:
 
 @dataclass(frozen=True)
 class Run:
-    """A rollout: `time` (ticks+1,) s; `position`, `velocity` (ticks+1, joints); `effort` (ticks, joints), as it acted."""
+    """A rollout: `time` (ticks+1,) s; `position`, `velocity` (ticks+1, joints); `effort` (ticks, joints) that acted."""
 
     time: np.ndarray
     position: np.ndarray
@@ -180,8 +187,9 @@ def rollout(chain: Chain, duration: float, step: float = 1e-3, method: str = 'au
     """
     Simulate `duration` s from the chain's initial state.
 
-    `effort`: None, (joints,) held, (ticks, joints) a row per tick, or a callable (time, position, velocity) -> (joints,) once
-    per tick. ValueError: bad arguments, a duration that is no whole number of steps. SimulationError as in Simulation.advance.
+    `effort`: None, (joints,) held, (ticks, joints) a row per tick, or a callable once per tick, (time, position,
+    velocity) -> (joints,). ValueError: bad arguments, a duration that is no whole number of steps. SimulationError
+    as in Simulation.advance.
     """
     simulation = Simulation(chain, method, step, tolerance, form)
     ticks, joints = whole_ticks(duration, simulation.step), chain.joint_count

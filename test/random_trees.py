@@ -7,7 +7,7 @@ KINDS = ('turning', 'sliding and turning', 'sliding', 'welded')
 
 
 def random_joint(random, name, kind, armature, axis=None):
-    """A joint with damping and a spring now and then, and a rotor if asked for."""
+    """Return a joint with damping and a spring now and then, and a rotor if asked for."""
     if axis is None:
         axis = random.choice([-1.0, 1.0]) if kind == 'rotation' else random.uniform(-3.0, 3.0)
     return Joint(name, kind, float(axis),
@@ -17,7 +17,7 @@ def random_joint(random, name, kind, armature, axis=None):
 
 
 def random_tree(seed, bodies, kinds=KINDS, armature=True):
-    """A tree of `bodies` bodies with branches, several of them on the base, general offsets and angles; solvable everywhere."""
+    """Return a tree with branches, several of them on the base, general offsets and angles; solvable everywhere."""
     random = np.random.default_rng(seed)
     made = []
     for i in range(bodies):

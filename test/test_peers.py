@@ -18,7 +18,7 @@ def in_space(vector):
 
 
 def mujoco_model(mujoco, chain):
-    """Hinges about z and slides in the x-y plane; a slide's axis is in the body's frame there, in the carrier's here."""
+    """Return hinges about z and slides in the x-y plane; a slide's axis is in the body's frame there, our carrier's."""
     spec = mujoco.MjSpec()
     spec.option.gravity = in_space(chain.gravity)
     made = []
@@ -81,7 +81,8 @@ def test_mujoco_agrees(seed):
     for k, unit in enumerate(np.eye(model.nv)):
         mujoco.mj_mulM(model, data, column, unit)
         H[:, k] = column
-    np.testing.assert_allclose(H[np.ix_(address, address)], pcs.mass_matrix(chain, position), rtol=0, atol=1e-10 * H.max())
+    H = H[np.ix_(address, address)]
+    np.testing.assert_allclose(H, pcs.mass_matrix(chain, position), rtol=0, atol=1e-10 * H.max())
 
 
 @pytest.mark.parametrize('seed', SEEDS)

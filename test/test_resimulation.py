@@ -1,16 +1,16 @@
-"""rollout and resimulate as commands: equal bits, a flipped bit named, mistakes told in one sentence, and all of it without ROS."""
+"""Commands rollout and resimulate: equal bits, a flipped bit named, mistakes told in one sentence, all without ROS."""
 import json
+from pathlib import Path
 import struct
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import planar_chain_sim as pcs
 from planar_chain_sim.recording import resimulation, rollout
-from planar_chain_sim.recording.cdr import JointStateLayout, decode_joint_state, encode_string
+from planar_chain_sim.recording.cdr import decode_joint_state, encode_string, JointStateLayout
 from planar_chain_sim.recording.log_reader import read_log
 from planar_chain_sim.recording.log_writer import LogWriter
 from planar_chain_sim.recording.rosbag2_profile import Channel
@@ -32,8 +32,9 @@ def log(tmp_path_factory, efforts):
     return path
 
 
-def rewritten(log, path, change=lambda message: message.data, chain_text=None, settings=None, keep=lambda message: True):
-    """A copy of the log with messages, chain or settings changed."""
+def rewritten(log, path, change=lambda message: message.data, chain_text=None, settings=None,
+              keep=lambda message: True):
+    """Return a copy of the log with messages, chain or settings changed."""
     old = read_log(log)
     topics = {message.topic: message.type_name for message in old.messages}
     with LogWriter(path, [Channel(*item) for item in topics.items()],
@@ -50,7 +51,8 @@ def test_log_holds_every_tick_and_the_run_of_the_python_function(log, efforts):
     states = [message for message in read_log(log).messages if message.topic == '/joint_states']
     decoded = [decode_joint_state(message.data) for message in states]
     assert [message.sequence for message in states] == list(range(1501))
-    assert [message.log_time for message in states] == [k * 1_000_000 for k in range(1501)] == [d.stamp for d in decoded]
+    times = [k * 1_000_000 for k in range(1501)]
+    assert [message.log_time for message in states] == times == [state.stamp for state in decoded]
     assert np.array([d.position for d in decoded]).tobytes() == run.position.tobytes()
     assert np.array([d.velocity for d in decoded]).tobytes() == run.velocity.tobytes()
     assert np.array([d.effort for d in decoded[1:]]).tobytes() == run.effort.tobytes()
@@ -65,7 +67,7 @@ def test_resimulate_says_equal(log, capsys):
 
 @pytest.mark.parametrize('quantity, joint, tick', [('position', 0, 0), ('velocity', 3, 700), ('effort', 4, 1500)])
 def test_one_flipped_bit_in_the_file_is_named(log, tmp_path, capsys, quantity, joint, tick):
-    """The lowest bit of one number, changed in the file's own bytes: the chunk's check sum doesn't hide which one it was."""
+    """The lowest bit of one number, changed in the file itself: the chunk's check sum doesn't hide which one it was."""
     chain, found = pcs.load_chain(ROBOT), None
     for message in read_log(log).messages:
         if message.topic == '/joint_states' and message.sequence == tick:
@@ -82,18 +84,20 @@ def test_one_flipped_bit_in_the_file_is_named(log, tmp_path, capsys, quantity, j
     flipped.write_bytes(content)
     assert resimulation.main([str(flipped)]) == 1
     said = capsys.readouterr().out
-    assert said.startswith(f"different: t = {tick * 1e-3!r} s, tick {tick}, joint '{chain.joint_names[joint]}': {quantity} is ")
+    name = chain.joint_names[joint]
+    assert said.startswith(f"different: t = {tick * 1e-3!r} s, tick {tick}, joint '{name}': {quantity} is ")
 
 
 def test_another_chain_or_method_setting_is_a_difference(log, tmp_path, capsys):
     text = read_log(log).chain_text.replace('mass: 2.0', 'mass: 2.0000000000000004')
     assert resimulation.main([str(rewritten(log, tmp_path / 'heavier.mcap', chain_text=text))]) == 1
-    assert resimulation.main([str(rewritten(log, tmp_path / 'faster.mcap', settings={'step': (1.0000001e-3).hex()}))]) == 1
+    step = (1.0000001e-3).hex()
+    assert resimulation.main([str(rewritten(log, tmp_path / 'faster.mcap', settings={'step': step}))]) == 1
     assert 'different: t = 0.001' in capsys.readouterr().out
 
 
 def test_reset_and_repeated_events_act_at_their_tick(tmp_path, capsys):
-    """A log as the node writes it: commands, a reset between two ticks with its state once more, a pause that changes nothing."""
+    """As the node writes it: commands, a reset between two ticks and its state once more, a pause that does nothing."""
     chain = pcs.load_chain(ROBOT)
     simulation = pcs.Simulation(chain)
     path = tmp_path / 'live.mcap'
@@ -118,17 +122,21 @@ def test_reset_and_repeated_events_act_at_their_tick(tmp_path, capsys):
     assert resimulation.main([str(path)]) == 0
     assert capsys.readouterr().out == 'equal: 53 states over 51 ticks, bit for bit\n'
     # without the reset the same states cannot come about
-    def is_reset(message):
-        return message.topic == '/simulator/events' and b'reset' in message.data
-    assert resimulation.main([str(rewritten(path, tmp_path / 'no_reset.mcap', keep=lambda message: not is_reset(message)))]) == 1
+    without = rewritten(path, tmp_path / 'no_reset.mcap',
+                        keep=lambda message: message.topic != '/simulator/events' or b'reset' not in message.data)
+    assert resimulation.main([str(without)]) == 1
 
 
 @pytest.mark.parametrize('name, options, message', [
-    ('lost tick', {'keep': lambda m: not (m.topic == '/joint_states' and m.sequence == 17)}, 'tick 18 does not follow tick 16'),
+    ('lost tick', {'keep': lambda m: not (m.topic == '/joint_states' and m.sequence == 17)},
+     'tick 18 does not follow tick 16'),
     ('no state', {'keep': lambda m: m.topic != '/joint_states'}, 'comes at tick|holds no state'),
-    ('bad event', {'change': lambda m: encode_string('{]') if m.topic != '/joint_states' else m.data}, 'cannot be followed'),
-    ('event without data', {'change': lambda m: encode_string('[]') if m.topic != '/joint_states' else m.data}, 'cannot be followed'),
-    ('torn state', {'change': lambda m: m.data[:-9] if m.topic == '/joint_states' else m.data}, 'cannot be followed'),
+    ('bad event', {'change': lambda m: encode_string('{]') if m.topic != '/joint_states' else m.data},
+     'cannot be followed'),
+    ('event without data', {'change': lambda m: encode_string('[]') if m.topic != '/joint_states' else m.data},
+     'cannot be followed'),
+    ('torn state', {'change': lambda m: m.data[:-9] if m.topic == '/joint_states' else m.data},
+     'cannot be followed'),
     ('bad chain', {'chain_text': 'bodies: 3'}, 'chain.yaml'),
     ('bad method', {'settings': {'method': 'magic'}}, "method is 'magic'"),
     ('bad format', {'settings': {'format': '7'}}, "format is '7', must be '1'"),
@@ -180,13 +188,13 @@ def test_a_run_that_runs_away_is_logged_up_to_there(tmp_path, capsys):
     assert resimulation.main([str(output)]) == 0
 
 
-WITHOUT_ROS = '''
+WITHOUT_ROS = """
 import sys
 
 class NoRos:
     def find_spec(self, name, path=None, target=None):
-        if name.split('.')[0] in {'rclpy', 'ament_index_python', 'sensor_msgs', 'std_msgs', 'std_srvs', 'builtin_interfaces',
-                                  'rosidl_runtime_py', 'rosgraph_msgs'}:
+        if name.split('.')[0] in {'rclpy', 'ament_index_python', 'sensor_msgs', 'std_msgs', 'std_srvs',
+                                  'builtin_interfaces', 'rosidl_runtime_py', 'rosgraph_msgs'}:
             raise ImportError(f'{name} is blocked')
 
 sys.meta_path.insert(0, NoRos())
@@ -206,11 +214,12 @@ assert resimulation.main([sys.argv[1]]) == 0
 assert not {name for name in sys.modules if name.split('.')[0] == 'rclpy'}
 from planar_chain_sim.ros.node import main
 raise SystemExit(main([]))
-'''
+"""
 
 
 def test_without_ros_everything_but_the_node_works(tmp_path):
-    done = subprocess.run([sys.executable, '-c', WITHOUT_ROS, str(tmp_path / 'run.mcap')], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, '-c', WITHOUT_ROS, str(tmp_path / 'run.mcap')],
+                          capture_output=True, text=True, timeout=60)
     assert done.returncode == 2, done.stderr
     assert 'equal: 501 states' in done.stdout
     assert done.stderr.count('\n') == 1 and done.stderr.startswith('simulator: ') and 'ROS 2' in done.stderr

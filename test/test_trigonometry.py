@@ -7,7 +7,8 @@ import pytest
 
 from planar_chain_sim._kernel import unit_vector
 
-EDGES = [0.0, -0.0, 5e-324, -2.2e-308, 1e-9, math.pi / 4, math.pi / 2, math.pi, 2 * math.pi, 1e5 * math.pi, 355.0, 710.0]
+EDGES = [0.0, -0.0, 5e-324, -2.2e-308, 1e-9, math.pi / 4, math.pi / 2, math.pi, 2 * math.pi, 1e5 * math.pi, 355.0,
+         710.0]
 # doubles next to multiples of pi/2, where the reduced angle is smallest (the last one: 524287 quarter turns)
 NEAR = [float(k) * math.pi / 2 for k in (1, 2, 3, 4, 7, 11, 22, 33, 355, 103993, 104348, 208341, 312689, 524287)]
 

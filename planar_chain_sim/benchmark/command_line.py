@@ -22,8 +22,8 @@ def _suite(name: str):
 
 
 def _benchmark(arguments) -> int:
-    parser = Parser('benchmark', 'Measure and print:\n' + '\n'.join(f'  {name}: {text}' for name, text in SUITES.items()),
-                    'benchmark step-time --csv step_time.csv')
+    suites = '\n'.join(f'  {name}: {text}' for name, text in SUITES.items())
+    parser = Parser('benchmark', f'Measure and print:\n{suites}', 'benchmark step-time --csv step_time.csv')
     parser.add_argument('suite', choices=SUITES)
     parser.add_argument('--csv', metavar='FILE', help='write the table to this file too')
     options = parser.parse_args(arguments)

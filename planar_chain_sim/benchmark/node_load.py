@@ -1,4 +1,4 @@
-"""What the node costs and how punctual it is: a real simulator process over real DDS, watched from this one. Linux, ROS 2."""
+"""What the node costs and how punctual it is: a real simulator process over DDS, watched from here. Linux, ROS 2."""
 from __future__ import annotations
 
 import os
@@ -23,7 +23,7 @@ WAIT = 20.0      # s, after which a node that says nothing is given up
 
 
 def node_load() -> Iterator[tuple]:
-    """Yield rows of COLUMNS: start-up, CPU share and lateness of the node at 1 kHz, recording, with one remote subscriber."""
+    """Yield rows of COLUMNS: start-up, CPU share, lateness of the node at 1 kHz, recording, one remote subscriber."""
     try:
         import rclpy
         from rclpy.executors import SingleThreadedExecutor
@@ -56,8 +56,9 @@ def _measure(seen: list, folder: Path) -> Iterator[tuple]:
         log = folder / f'{k}.mcap'
         seen.clear()
         began = monotonic()
-        process = subprocess.Popen([sys.executable, '-m', 'planar_chain_sim.ros.node', '--ros-args', '-p', f'record:={log}'],
-                                   stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+        process = subprocess.Popen(
+            [sys.executable, '-m', 'planar_chain_sim.ros.node', '--ros-args', '-p', f'record:={log}'],
+            stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
         try:
             while not seen:
                 if process.poll() is not None or monotonic() - began > WAIT:

@@ -5,7 +5,7 @@ from ..chain import Body, Chain, Joint
 
 
 def uniform_rods(count: int, gravity: complex = -9.81j) -> Chain:
-    """Return a serial chain of `count` equal uniform rods in a row, length and mass 1 / count each (m, kg); all angles zero."""
+    """Return a serial chain of `count` equal uniform rods in a row, 1 / count m and kg each; all angles zero."""
     length = mass = 1.0 / count
     return Chain(f'{count} rods', gravity, tuple(
         Body(f'rod{i}', i - 1, complex(length if i else 0.0), 0.0, mass, complex(length / 2), mass * length**2 / 3,

@@ -1,25 +1,25 @@
 """
 resimulate: run a log's chain, method, step and changes again and compare with its states, bit for bit.
 
-The changes are the log's events: one that carries an `effort` sets what is held from its tick on, `reset` puts back the state the
-log began with. How and when commands arrived plays no part any more.
+The changes are the log's events: one that carries an `effort` sets what is held from its tick on, `reset` puts back the
+state the log began with. How and when commands arrived plays no part any more.
 """
 from __future__ import annotations
 
+from dataclasses import dataclass
 import json
 import sys
-from dataclasses import dataclass
 from typing import Optional
 
 import numpy as np
 
-from ..command_line import Parser, run_command
-from ..dynamics import SimulationError
-from ..simulation import Simulation
 from .cdr import CdrError, decode_joint_state, decode_string
 from .log_reader import Log, LogMessage, read_log
 from .log_writer import LogError
 from .run_settings import simulation_of
+from ..command_line import Parser, run_command
+from ..dynamics import SimulationError
+from ..simulation import Simulation
 
 QUANTITIES = ('position', 'velocity', 'effort')
 
@@ -36,8 +36,8 @@ class Difference:
     computed: float
 
     def __str__(self):
-        return (f"t = {self.time!r} s, tick {self.tick}, joint '{self.joint}': {self.quantity} is {self.logged!r} in the log and "
-                f'{self.computed!r} when computed again')
+        return (f"t = {self.time!r} s, tick {self.tick}, joint '{self.joint}': {self.quantity} "
+                f'is {self.logged!r} in the log and {self.computed!r} when computed again')
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,8 @@ class _Rerun:
             elif message.topic == state_topic:
                 return self._compare(message)
         except (CdrError, ValueError, KeyError, TypeError, AttributeError) as error:
-            raise self._unreadable(f'a message on {message.topic} cannot be followed ({type(error).__name__}: {error})') from None
+            why = f'a message on {message.topic} cannot be followed ({type(error).__name__}: {error})'
+            raise self._unreadable(why) from None
         return None
 
     def _change(self, event: dict) -> None:
@@ -89,7 +90,8 @@ class _Rerun:
         if effort is None and event['kind'] != 'reset':
             return
         if event['tick'] != self.simulation.tick:
-            raise self._unreadable(f"event '{event['kind']}' of tick {event['tick']} comes at tick {self.simulation.tick}")
+            why = f"event '{event['kind']}' of tick {event['tick']} comes at tick {self.simulation.tick}"
+            raise self._unreadable(why)
         if event['kind'] == 'reset':
             self.simulation.set_state(*self._start)
             self._held = np.zeros_like(self._held)
@@ -123,7 +125,8 @@ class _Rerun:
             for quantity in QUANTITIES:
                 got, wanted = getattr(logged, quantity)[joint], computed[quantity][joint]
                 if got.tobytes() != wanted.tobytes():
-                    return Difference(self.simulation.time, self.simulation.tick, name, quantity, float(got), float(wanted))
+                    where = self.simulation.time, self.simulation.tick, name, quantity
+                    return Difference(*where, float(got), float(wanted))
         raise AssertionError('unreachable: some bit differs')
 
     def _unreadable(self, why: str) -> LogError:
@@ -136,8 +139,9 @@ def main(arguments=None) -> int:
 
 
 def _resimulate_file(arguments) -> int:
-    parser = Parser('resimulate', 'Run the chain of a log again, with its method, step and changes, and compare all states bit for '
-                    'bit.\nExit code 0: equal; 1: different; 2: the log cannot be read.', 'resimulate run.mcap')
+    parser = Parser('resimulate',
+                    'Run the chain of a log again, with its method, step and changes, and compare all states '
+                    'bit for bit.\nExit code 0: equal; 1: different; 2: the log cannot be read.', 'resimulate run.mcap')
     parser.add_argument('log', help='MCAP log of the simulator or of rollout')
     log = read_log(parser.parse_args(arguments).log)
     verdict = resimulate(log)

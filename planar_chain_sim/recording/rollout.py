@@ -2,23 +2,23 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
+import sys
 from time import perf_counter
 from typing import Optional
 
 import numpy as np
 
-from ..chain import Chain
-from ..chain_yaml import load_chain
-from ..command_line import Mistake, Parser, run_command
-from ..dynamics import SimulationError, joint_array
-from ..integrators import METHODS
-from ..simulation import Simulation, whole_ticks
-from .cdr import JointStateLayout, encode_string
+from .cdr import encode_string, JointStateLayout
 from .log_writer import COMPRESSIONS, LogWriter
 from .rosbag2_profile import Channel
 from .run_settings import settings_of
+from ..chain import Chain
+from ..chain_yaml import load_chain
+from ..command_line import Mistake, Parser, run_command
+from ..dynamics import joint_array, SimulationError
+from ..integrators import METHODS
+from ..simulation import Simulation, whole_ticks
 
 STATE_TOPIC, EVENTS_TOPIC = '/joint_states', '/simulator/events'   # what the node would publish them on
 CHUNK = 1000   # ticks between two looks at the progress bar and at Ctrl-C
@@ -51,7 +51,7 @@ class OfflineLog:
         self._writer.write(STATE_TOPIC, layout.to_bytes(), time, time, tick)
 
     def write_command(self, tick: int, effort) -> None:
-        """Append the event of a commanded effort (joints,) that acts from this tick on, if it differs from the one before."""
+        """Append the event of a commanded effort (joints,) that acts from this tick on, if it differs from the last."""
         if effort.tobytes() != self._held.tobytes():
             self._held = effort.copy()
             self._write_event(tick, 'command', effort=effort.tolist())
@@ -62,15 +62,17 @@ class OfflineLog:
 
     def _write_event(self, tick: int, kind: str, **data) -> None:
         time = self._nanoseconds(tick)
-        self._writer.write(EVENTS_TOPIC, encode_string(json.dumps({'tick': tick, 'kind': kind, 'data': data})), time, time)
+        event = encode_string(json.dumps({'tick': tick, 'kind': kind, 'data': data}))
+        self._writer.write(EVENTS_TOPIC, event, time, time)
 
     def _nanoseconds(self, tick: int) -> int:
         return round(tick * self._step * 1e9)
 
 
-def roll_to_log(simulation: Simulation, ticks: int, effort: Optional[np.ndarray], log: OfflineLog, show=lambda ticks: None) -> None:
+def roll_to_log(simulation: Simulation, ticks: int, effort: Optional[np.ndarray], log: OfflineLog,
+                show=lambda ticks: None) -> None:
     """
-    Advance `ticks` ticks under `effort`, (joints,) held or (ticks, joints), into the log; `show(n)` after every n ticks.
+    Advance `ticks` ticks under `effort`, (joints,) held or (ticks, joints), into the log; `show(n)` after n more ticks.
 
     SimulationError as Simulation.advance, after the ticks before it have been logged.
     """
@@ -123,13 +125,15 @@ def main(arguments=None) -> int:
 def _parser() -> Parser:
     parser = Parser('rollout', 'Simulate a chain with no ROS graph, as fast as the machine goes, into an MCAP log.',
                     'rollout config/four_link_robot.yaml --duration 20 --output swing.mcap')
-    parser.add_argument('chain', help='chain file; relative to the working directory, else to the package\'s config')
-    parser.add_argument('--output', metavar='LOG', help='new MCAP file; default: the chain file\'s name with .mcap, here')
-    parser.add_argument('--duration', type=float, metavar='S', help='simulated time, s; default: 10, or what a file of efforts covers')
+    parser.add_argument('chain', help="chain file; relative to the working directory, else to the package's config")
+    parser.add_argument('--output', metavar='LOG',
+                        help="new MCAP file; default: the chain file's name with .mcap, here")
+    parser.add_argument('--duration', type=float, metavar='S',
+                        help='simulated time, s; default: 10, or what a file of efforts covers')
     parser.add_argument('--step', type=float, default=1e-3, metavar='S', help='tick, s; default 0.001')
     parser.add_argument('--method', default='auto', choices=['auto', *METHODS], help='default auto')
-    parser.add_argument('--effort', metavar='E', help='joint efforts, N m or N: numbers joined by commas, held; or a .csv or .npy '
-                        'file with a row per tick; default: none')
+    parser.add_argument('--effort', metavar='E', help='joint efforts, N m or N: numbers joined by commas, held; or a '
+                        '.csv or .npy file with a row per tick; default: none')
     parser.add_argument('--compression', default='none', choices=sorted(COMPRESSIONS), help='of the log; default none')
     return parser
 

@@ -6,12 +6,12 @@ from platform import machine
 
 import numpy as np
 
+from .log_reader import Log
+from .log_writer import LogError
 from .. import __version__, _kernel
 from ..chain import ChainError
 from ..chain_yaml import chain_from_text
 from ..simulation import Checkpoint, Simulation
-from .log_reader import Log
-from .log_writer import LogError
 
 FORMAT = '1'
 
@@ -39,8 +39,8 @@ def simulation_of(log: Log) -> Simulation:
         simulation = Simulation(chain, settings['method'], float.fromhex(settings['step']), tolerance, settings['form'])
         if tuple(json.loads(settings['joint_names'])) != chain.joint_names:
             raise ValueError('joint_names are not those of its chain.yaml')
-        start = [np.array([float.fromhex(value) for value in json.loads(settings[key])]) for key in ('position', 'velocity')]
-        simulation.set_state(*start)
+        simulation.set_state(*(np.array([float.fromhex(value) for value in json.loads(settings[key])])
+                               for key in ('position', 'velocity')))
         simulation.restore(Checkpoint(int(settings['tick']), simulation.checkpoint().state))
     except KeyError as error:
         raise LogError(f'log {str(log.path)!r}: its settings lack {error}') from None
