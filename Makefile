@@ -49,7 +49,7 @@ CANDIDATES := $(or $(PYTHON),python3.14 python3.13 python3.12 python3.11 python3
 WORKS := import ensurepip, os, sys, sysconfig, venv; \
   sys.exit(sys.version_info < (3, 10) or not os.path.exists(sysconfig.get_path("include") + "/Python.h"))
 # Built with the tools that colcon will find, not in isolation: an edited kernel then compiles with no network at hand.
-BUILD_TOOLS := 'setuptools>=70.1,<80' 'pybind11>=2.11'
+BUILD_TOOLS := 'setuptools>=70.1,<80' wheel 'pybind11>=2.11'
 PIP := $(PY) -m pip install --quiet --disable-pip-version-check --no-compile
 define set_up
 	@command -v $(CXX) >/dev/null || { echo 'no C++ compiler $(CXX): install one or name it with CXX=...' >&2; exit 1; }
