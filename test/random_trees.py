@@ -1,4 +1,4 @@
-"""Random trees of every body kind for twin and oracle tests."""
+"""Chains for tests: random trees of every body kind, and a single joint."""
 import numpy as np
 
 from planar_chain_sim.chain import BASE, Body, Chain, Joint
@@ -36,3 +36,11 @@ def random_tree(seed, bodies, kinds=KINDS, armature=True):
 def random_state(chain, seed):
     """Position, velocity, effort, (joints,) each."""
     return np.random.default_rng(seed).normal(0.0, 1.5, (3, chain.joint_count))
+
+
+def one_joint(kind='rotation', mass=2.0, inertia=0.5, gravity=0j, **laws):
+    """Return a single body whose joint obeys inertia * q'' = effort - laws, in closed form."""
+    joint = Joint('joint', kind, 1.0 if kind == 'rotation' else 0.0, **laws)
+    sliding = kind == 'slide'
+    return Chain('one', gravity, (Body('body', -1, 0j, 0.0, mass, 0j, inertia, inertia, joint if sliding else None,
+                                       None if sliding else joint),))

@@ -159,6 +159,16 @@ def test_welded_bodies_are_merged_exactly_like_bodies_that_stay():
     assert welded == pytest.approx(solid, rel=4 * EPS, abs=0)
 
 
+@pytest.mark.parametrize('form', ['reference', 'recursive'])
+@pytest.mark.parametrize('velocity, wanted', [(2.0, -0.25), (-1e-300, 0.25), (0.0, 0.0)])
+def test_friction_opposes_motion_whatever_its_speed(form, velocity, wanted):
+    joint = Joint('turn', 'rotation', -1.0, friction=0.5)
+    chain = Chain('c', 0j, (Body('b', -1, 0j, 0.0, 1.0, 0j, 2.0, 2.0, None, joint),))
+    assert pcs.forward_dynamics(chain, [0.3], [velocity], [0.0], form).tolist() == [wanted]
+    assert pcs.inverse_dynamics(chain, [0.3], [velocity], [wanted]).tolist() == [0.0]
+    assert invariants.dissipated_power(chain, np.array([0.3]), np.array([velocity])) == 0.5 * abs(velocity)
+
+
 def test_singular_configuration_is_named():
     """A massless link with a point mass outboard has no inertia left when the two are collinear (equations.md 7)."""
     chain = Chain('collinear', -9.81j, (

@@ -48,7 +48,7 @@ class ExplicitRungeKutta {
       }
       forces_.add_passive(stage_position_.data(), rate, effort_.data());
       joint = recursion_.forward(stage_position_.data(), rate, effort_.data(), acceleration);
-      if (joint >= 0) return finite(rate) && finite(stage_position_.data()) ? Outcome::singular : Outcome::not_finite;
+      if (joint >= 0) return has_squares(stage_position_) ? Outcome::singular : Outcome::not_finite;
     }
     weigh(tableau_.b.data(), tableau_.stages);
     for (int i = 0; i < joints_; ++i) {
@@ -92,9 +92,10 @@ class ExplicitRungeKutta {
     lost = (value - (sum - back)) + (term - back);
   }
 
-  bool finite(const double* values) const {
-    for (int i = 0; i < joints_; ++i)
-      if (!std::isfinite(values[i])) return false;
+  // Pivots are made of squares of positions: where these overflow or are no numbers, no pivot can be judged.
+  static bool has_squares(const std::vector<double>& values) {
+    for (const double value : values)
+      if (!std::isfinite(value * value)) return false;
     return true;
   }
 

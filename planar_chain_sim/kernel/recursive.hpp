@@ -151,7 +151,7 @@ class Recursion {
         for (LinkState& state : state_) state.branches = Outboard{};
         return singular;
       }
-      if (link.carrier != i - 1 || i == 1) {
+      if (link.carrier != i - 1) {
         if (link.carrier != 0) state_[link.carrier].branches += sum;
         sum = Outboard{};
       }
@@ -167,7 +167,7 @@ class Recursion {
     double inertia = link.inertia + sum.inertia, torque = sum.torque, scale = link.inertia + sum.scale;
     double reaction = 0.0;  // what the joint's own effort does to the carrier
     // Three components (h, I, t) go on to a carrier whose angle is the link's own or which a rotor couples to it.
-    bool three = link.carrier > 0;
+    const bool three = link.rotation < 0 || link.rotor > 0.0;
 
     if (link.rotation >= 0) {  // (1) own angle
       const double pivot = inertia + link.rotor;
@@ -180,7 +180,6 @@ class Recursion {
       const Vec g = s.turn_inverse * h;
       subtract_outer(a, h, g);
       b = b + torque * g;
-      three = three && link.rotor > 0.0;
       if (three) {  // equations.md 6.3, zeta = I_a / (I + I_a)
         const double zeta = link.rotor * s.turn_inverse;
         h = zeta * h;
@@ -196,7 +195,6 @@ class Recursion {
       const double nu = effort[link.slide] - dot(s.slide_axis, b);
       s.slide_row = inverse * y;
       s.slide_known = inverse * nu;
-      s.slide_coupling = 0.0;
       if (three) {
         const double sigma = dot(s.slide_axis, h);
         s.slide_coupling = sigma * inverse;

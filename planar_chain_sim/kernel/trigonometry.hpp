@@ -64,7 +64,7 @@ inline int near_sine_cosine(double angle, double& sine, double& cosine) {
   const bool odd = quarter & 1;
   sine = with_sign(odd ? c : s, quarter >> 1 & 1);
   cosine = with_sign(odd ? s : c, (quarter + 1) >> 1 & 1);
-  return !(std::fabs(k) <= most_quarters);  // also NaN and infinity
+  return std::fabs(k) > most_quarters;  // NaN needs no other road: it stays NaN
 }
 
 }  // namespace trigonometry
