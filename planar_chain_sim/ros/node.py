@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
+import gc
 import sys
 
 from .process import run_until_stopped, start_node
@@ -26,6 +27,7 @@ def simulate(own_arguments, ros_arguments, stop) -> None:
     """Simulate until something is put into `stop`. Mistake: arguments, parameters, chain, method or log are no good."""
     from ..command_line import Mistake, Parser
     Parser('simulator', DESCRIPTION, EXAMPLE).parse_args(own_arguments)
+    gc.disable()  # until all is loaded: nothing of it is garbage
     with ExitStack() as ending:  # ends in reverse order, so that nobody is asked who has gone already
         node = start_node('simulator', ros_arguments, ending)
         from .services import ServiceThread
@@ -35,6 +37,8 @@ def simulate(own_arguments, ros_arguments, stop) -> None:
         services = ServiceThread(node, simulator, stop.put)
         services.start()
         ending.callback(services.stop)
+        gc.freeze()  # what is here now stays: a collection that went through all of it would hold up a tick
+        gc.enable()
         reason = stop.get()
     if log and log.error:
         raise Mistake(str(log.error))

@@ -1,7 +1,7 @@
 """When which tick is due: counted from the steady clock, never 'sleep the rest', so that lateness does not add up."""
 from __future__ import annotations
 
-LONGEST_LATENESS = 100_000_000  # ns; what is later than this is not caught up but dropped
+LONGEST_LATENESS = 100_000_000  # ns; ticks that are later than this are not caught up with, the time is dropped
 
 
 class Pacing:
@@ -35,9 +35,7 @@ class Pacing:
         return now + self._wall_minus_steady
 
     def drop(self, tick: int, now: int) -> int:
-        """Return the lateness of `tick` after dropping it, ns, where it is too much to be caught up; else 0."""
+        """Let `tick` be due now instead of when it was, stamps likewise; return the time dropped."""
         late = now - self.due(tick)
-        if late <= LONGEST_LATENESS:
-            return 0
         self._stamp, self._tick, self._start = self.stamp(tick) + late, tick, now
         return late

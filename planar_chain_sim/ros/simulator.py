@@ -8,18 +8,19 @@ from __future__ import annotations
 
 from collections import deque
 import json
+from operator import itemgetter
 from queue import Empty, SimpleQueue
 from threading import Thread
 from time import monotonic_ns, sleep, time_ns
 
 from .commands import CommandError, HeldEffort
 from .messages import INPUTS
-from .pacing import Pacing
+from .pacing import LONGEST_LATENESS, Pacing
 from ..dynamics import SimulationError
 from ..recording.cdr import encode_string, JointStateLayout
 from ..simulation import initial_state
 
-LOOK_PERIOD = 100_000_000  # ns between two looks at the controllers and the log
+LOOK_PERIOD = 20_000_000  # ns between two looks at who publishes commands and at the log
 LONGEST_SLEEP = 50_000_000  # ns; a request or a stop is seen after at most this, whatever the rate
 ANSWER_TIMEOUT = 2.0  # s
 
@@ -44,6 +45,8 @@ class Simulator:
         self._outcome = layout.position[None], layout.velocity[None], layout.effort[None]
         self._held = HeldEffort(names)
         self._commanded = False  # whether the held effort is somebody's command
+        self._heard = ()  # keys of the inputs that have a publisher
+        self._next = ()  # keys of those to be polled next time
         rate = values['rate']
         self._ticks_per_state = round(rate / (values['publish_rate'] or rate))
         self._pacing = Pacing(1.0 / (rate * values['real_time_factor']), time_ns() - monotonic_ns())
@@ -90,7 +93,8 @@ class Simulator:
                 reply.put(action(*arguments))
             now = monotonic_ns()
             if now >= self._look_due:
-                self._look(now)
+                self._look_due = now + LOOK_PERIOD
+                self._look()
             standing = self._paused or self._divergence
             due = self._repeat_due if standing else self._pacing.due(self._simulation.tick + 1)
             if now < due:
@@ -100,15 +104,16 @@ class Simulator:
                 self._latch()
                 self._show(record=False)
             else:
-                self._catch_up_or_drop(now)
+                if now - due > LONGEST_LATENESS:
+                    self._drop_time(now)
                 self._latch()
                 self._tick()
 
-    def _catch_up_or_drop(self, now: int) -> None:
-        late = self._pacing.drop(self._simulation.tick + 1, now)
-        if late:
-            self._event('dropped_time', seconds=late * 1e-9)
-            self._warn('late', f'{late * 1e-9:.3f} s late and dropped, the machine cannot keep up')
+    def _drop_time(self, now: int) -> None:
+        """Give up what is too late to be caught up; the tick that is due is due now."""
+        late = self._pacing.drop(self._simulation.tick + 1, now) * 1e-9
+        self._event('dropped_time', seconds=late)
+        self._warn('late', f'{late:.3f} s late and dropped, the machine cannot keep up')
 
     def _tick(self) -> bool:
         """Advance one tick and show its state; on a divergence stand at the last good state and return False."""
@@ -131,40 +136,44 @@ class Simulator:
         layout.effort[:] = simulation.effort
 
     def _show(self, record: bool) -> None:
-        """Publish the laid out state where somebody listens, and record it; the same bytes for both."""
-        tick, log = self._simulation.tick, self._log if record else None
-        publish = not (record and tick % self._ticks_per_state) and self._state.get_subscription_count()
-        if not (publish or log):
-            return
+        """Publish the laid out state and record it, the same bytes for both."""
+        tick = self._simulation.tick
         stamp = self._pacing.stamp(tick)
         self._layout.set_stamp(stamp)
         data = self._layout.to_bytes()
-        if publish:
+        if record and self._log:
+            self._log.write(self._state_topic, data, self._pacing.wall(monotonic_ns()), stamp, tick)
+        if not (record and tick % self._ticks_per_state):
             self._state.publish(data)
-        if log:
-            log.write(self._state_topic, data, self._pacing.wall(monotonic_ns()), stamp, tick)
 
     def _event(self, kind: str, **data) -> None:
-        listened = self._events.get_subscription_count()
-        if listened or self._log:
-            message = encode_string(json.dumps({'tick': self._simulation.tick, 'kind': kind, 'data': data}))
-            if listened:
-                self._events.publish(message)
-            if self._log:
-                now = self._pacing.wall(monotonic_ns())
-                self._log.write(self._events_topic, message, now, now)
+        self._tell(kind, json.dumps(data))
+
+    def _tell(self, kind: str, data: str) -> None:
+        """Publish an event, its data in JSON, and record it."""
+        message = encode_string(f'{{"tick": {self._simulation.tick}, "kind": "{kind}", "data": {data}}}')
+        self._events.publish(message)
+        if self._log:
+            now = self._pacing.wall(monotonic_ns())
+            self._log.write(self._events_topic, message, now, now)
 
     def _latch(self) -> None:
-        """Take all commands that have come, oldest first, so that the newest acts on each joint."""
-        arrived = []
-        for key, subscription in self._inputs.items():
+        """Take the commands that have come, oldest first, so that the newest acts on each joint."""
+        arrived, keys = [], self._next
+        self._next = self._heard
+        for key in keys:
+            subscription = self._inputs[key]
             with (handle := subscription.handle):
-                while (taken := handle.take_message(subscription.msg_type, True)) is not None:
+                for _ in range(INPUTS[key].depth):  # not until it is empty: a flood could keep us here
+                    taken = handle.take_message(subscription.msg_type, True)
+                    if taken is None:
+                        break
                     arrived.append((taken[1]['received_timestamp'], key, taken[0], taken[1]['source_timestamp']))
         if not arrived:
             return
         # Each topic keeps its own order; between the two, the time at which the middleware received a message decides.
-        arrived.sort(key=lambda message: message[0])
+        if len(keys) > 1:
+            arrived.sort(key=itemgetter(0))
         acting, rejected = None, {}
         for _, key, data, source_time in arrived:
             topic = self._input_topics[key]
@@ -182,20 +191,21 @@ class Simulator:
             self._warn(topic, f'command on {topic} rejected: {reasons[-1]}')
         if acting:
             self._commanded = True
-            self._event('command', topic=acting, effort=self._held.effort.tolist())
+            # Up to once a tick, so written by hand: json.dumps takes as long as the whole motion. Floats are the same.
+            self._tell('command', f'{{"topic": "{acting}", "effort": {self._held.effort.tolist()}}}')
 
-    def _look(self, now: int) -> None:
+    def _look(self) -> None:
         """Look at what needs no look at every tick: is there still a controller, is there still a log."""
-        self._look_due = now + LOOK_PERIOD
         if self._log and self._log.error:
             raise self._log.error
-        if self._commanded and self._values['on_controller_loss'] == 'zero':
-            if not any(subscription.get_publisher_count() for subscription in self._inputs.values()):
-                self._latch()  # its last words
-                self._held.clear()
-                self._commanded = False
-                self._event('controller_loss', effort=self._held.effort.tolist())
-                self._logger.warning('the last publisher of commands has gone, efforts are zero now')
+        self._heard = tuple(key for key, subscription in self._inputs.items() if subscription.get_publisher_count())
+        self._next = tuple(INPUTS)  # also hear who came and went between two looks
+        if self._commanded and not self._heard and self._values['on_controller_loss'] == 'zero':
+            self._latch()  # its last words
+            self._held.clear()
+            self._commanded = False
+            self._event('controller_loss', effort=self._held.effort.tolist())
+            self._logger.warning('the last publisher of commands has gone, efforts are zero now')
 
     def _warn(self, key: str, sentence: str) -> None:
         """Log a warning, at most once a second for each key."""
@@ -221,6 +231,7 @@ class Simulator:
             return False, f'not stepped: {self._divergence}'
         if not self._paused:
             return False, 'not stepped: the simulation is running, pause it first'
+        self._look()
         self._latch()
         self._event('step')
         if not self._tick():
