@@ -28,6 +28,7 @@ def free_domain():
 # `colcon test` starts in the source tree to test what is installed; a source package without a kernel only hides that.
 if not any((ROOT / 'planar_chain_sim' / f'_kernel{suffix}').exists() for suffix in EXTENSION_SUFFIXES):
     sys.path[:] = [entry for entry in sys.path if Path(entry).resolve() != ROOT]
+    os.chdir(ROOT / 'test')  # the interpreters that tests start look in their working directory first
 
 domain, domain_keeper = free_domain()
 log_folder = tempfile.TemporaryDirectory()
