@@ -10,9 +10,10 @@ from planar_chain_sim.benchmark.problems import uniform_rods
 from planar_chain_sim.chain import Body, Chain, Joint
 
 EPS = np.finfo(float).eps
-# two backward stable solutions differ by a small multiple of cond(H) eps; the worst of these 200 trees is 0.6
-TWIN = 4.0
-TWIN_H = 30.0   # an entry of H is a sum over up to 30 bodies, each rounded a few times; the worst is 8
+# two backward stable solutions differ by a small multiple of cond(H) eps: the worst of these 200 trees is 0.6; the way
+# back adds a few roundings of every term: the worst is 1.2
+TWIN = 2.0
+TWIN_H = 15.0   # an entry of H is a sum over up to 30 bodies, each rounded a few times; the worst is 8
 
 # equations.md 10, derived symbolically at 50 digits: absolute accelerations of angles and slides, T, V and det H.
 PHI, RATE, TAU = (0.3, -0.5, 1.1, 2.0), (0.7, -1.2, 0.4, 1.5), (1.0, -0.5, 0.3, 0.2)
@@ -56,14 +57,14 @@ def book_case(case):
 def test_fifty_digit_accelerations(case, form):
     chain, position, velocity, effort, wanted = book_case(case)
     got = pcs.forward_dynamics(chain, position, velocity, effort, form)
-    assert np.abs(got - wanted).max() <= 1e-14 * np.abs(wanted).max()
+    assert np.abs(got - wanted).max() <= 10.0 * EPS * np.abs(wanted).max()      # the worst of the four is 4.3
 
 
 @pytest.mark.parametrize('energy', [pcs.energy, invariants.energy], ids=['kernel', 'reference'])
 @pytest.mark.parametrize('case', 'AB')
 def test_fifty_digit_energy(case, energy):
     chain, position, velocity, *_ = book_case(case)
-    assert energy(chain, position, velocity) == pytest.approx((CASES[case]['T'], CASES[case]['V']), rel=1e-14, abs=0)
+    assert energy(chain, position, velocity) == pytest.approx((CASES[case]['T'], CASES[case]['V']), rel=4 * EPS, abs=0)
 
 
 @pytest.mark.parametrize('mass_matrix', [pcs.mass_matrix, equations_of_motion.mass_matrix], ids=['kernel', 'reference'])
@@ -137,7 +138,9 @@ def test_reference_against_kernel_on_random_trees(seed):
     terms = np.abs(H) @ np.abs(got) + np.abs(h) + np.abs(effort)
     assert np.abs(back - effort).max() <= TWIN * EPS * terms.max()
     T, V = pcs.energy(chain, position, velocity)
-    assert (T, V) == pytest.approx(invariants.energy(chain, position, velocity), rel=1e-12, abs=1e-12)
+    kinetic, potential = invariants.energy(chain, position, velocity)
+    weight = abs(chain.gravity) * sum(body.mass for body in chain.bodies)    # V is a difference: about this, over 1 m
+    assert abs(T - kinetic) <= TWIN_H * EPS * kinetic and abs(V - potential) <= TWIN_H * EPS * weight
 
 
 def test_unit_determinant_of_the_joint_map_and_symmetry():

@@ -18,7 +18,7 @@ def total_energy(chain, run):
 
 
 def test_measured_order_of_every_method():
-    """Error against a much finer run of the same branched, sliding arm falls with the declared order, within 0.2."""
+    """Error against a much finer run of the same branched, sliding arm falls with the declared order, within 0.05."""
     chain = random_tree(8, bodies=5)
     for method in pcs.METHODS.values():
         exact = pcs.rollout(chain, 0.5, 1 / 8192, method.name)
@@ -27,7 +27,7 @@ def test_measured_order_of_every_method():
             run = pcs.rollout(chain, 0.5, 0.5 / steps, method.name)
             errors.append(np.abs(run.position[-1] - exact.position[-1]).max())
         slopes = np.diff(np.log2(errors)) * -1.0
-        assert np.abs(slopes - method.order).max() < 0.2, (method.name, slopes)
+        assert np.abs(slopes - method.order).max() < 0.05, (method.name, slopes)
 
 
 def test_ticks_are_the_tableau_in_plain_arithmetic_bit_for_bit():
@@ -52,7 +52,8 @@ def test_ticks_are_the_tableau_in_plain_arithmetic_bit_for_bit():
         q, q_rest = two_sum(q, step * weighed(method.b, rates) + q_rest)
         v, v_rest = two_sum(v, step * weighed(method.b, accelerations) + v_rest)
         simulation.advance(1, effort)
-        assert simulation.position.tobytes() == q.tobytes() and simulation.velocity.tobytes() == v.tobytes()
+        kept = simulation.checkpoint().state[:4]
+        assert [array.tobytes() for array in kept] == [array.tobytes() for array in (q, v, q_rest, v_rest)]
 
 
 @pytest.mark.parametrize('kind', ['rotation', 'slide'])
@@ -66,8 +67,8 @@ def test_damped_spring_follows_the_closed_form(kind):
     start = position - middle
     exact = middle + np.exp(-decay * run.time) * (
         start * np.cos(omega * run.time) + (velocity + decay * start) / omega * np.sin(omega * run.time))
-    # RK4's local error (omega h)^5 / 120 a step over 3000 steps is 1e-12
-    np.testing.assert_allclose(run.position[:, 0], exact, rtol=0, atol=1e-11)
+    # RK4's local error (omega h)^5 / 120 a step, over 3000 steps of an amplitude of 0.6, is 6e-12 where omega is 3.3
+    np.testing.assert_allclose(run.position[:, 0], exact, rtol=0, atol=6e-12)
 
 
 def test_energy_of_a_free_arm_is_conserved_to_the_order_of_the_method():
@@ -82,8 +83,8 @@ def test_energy_of_a_free_arm_is_conserved_to_the_order_of_the_method():
         energy = total_energy(chain, pcs.rollout(chain, 2.0, step))
         drifts.append(np.abs(energy - energy[0]).max() / np.ptp([invariants.energy(chain, q, v)[1] for q, v in [
             (np.zeros(5), np.zeros(5)), (np.ones(5), np.zeros(5))]]))
-    assert drifts[1] < 1e-8                   # round-off alone would be 1e-14: this is h^4 and says so below
-    assert drifts[0] / drifts[1] > 2.0**3.7
+    assert drifts[1] < 2e-10                  # round-off alone would be 1e-14: this is 130 h^4 and says so below
+    assert abs(np.log2(drifts[0] / drifts[1]) - 4.0) < 0.05
 
 
 def test_power_balance():
@@ -93,14 +94,14 @@ def test_power_balance():
         position, velocity, effort = np.random.default_rng(seed).normal(size=(3, chain.joint_count))
         acceleration = pcs.forward_dynamics(chain, position, velocity, effort)
         wanted = effort @ velocity - invariants.dissipated_power(chain, position, velocity)
-        h = 1e-4   # five points along the motion: truncation h^4, round-off eps / h, both below 1e-7 of the terms
+        h = 3e-4   # five points along the motion: truncation 1e3 h^4, round-off eps / h, both below 1e-11 of the terms
 
         def energy_at(t):
             return sum(pcs.energy(chain, position + t * velocity + 0.5 * t * t * acceleration,
                                   velocity + t * acceleration))
         rate = (8 * (energy_at(h) - energy_at(-h)) - (energy_at(2 * h) - energy_at(-2 * h))) / (12 * h)
         size = np.abs(effort * velocity).sum() + abs(rate) + sum(map(abs, pcs.energy(chain, position, velocity)))
-        assert abs(rate - wanted) < 1e-7 * size
+        assert abs(rate - wanted) < 2e-11 * size
 
 
 def test_energy_over_a_driven_damped_run_is_the_work_done():
@@ -112,7 +113,8 @@ def test_energy_over_a_driven_damped_run_is_the_work_done():
                       for q, v in zip(run.position, run.velocity)])
     work = (power[0] + power[-1] + 4 * power[1:-1:2].sum() + 2 * power[2:-1:2].sum()) * 1e-3 / 3
     energy = total_energy(chain, run)
-    assert energy[-1] - energy[0] == pytest.approx(work, abs=1e-8 * np.ptp(energy))
+    # Simpson's rule and the method are both off by about h^4
+    assert abs(energy[-1] - energy[0] - work) < 1e-11 * np.ptp(energy)
 
 
 def test_how_calls_are_cut_changes_no_bit():
@@ -164,7 +166,7 @@ def test_effort_is_clamped_and_reported_as_it_acted():
     simulation = pcs.Simulation(chain)
     simulation.advance(100, [5.0])
     assert simulation.effort.tolist() == [2.0]
-    assert simulation.velocity[0] == pytest.approx(0.2, rel=1e-12)
+    assert simulation.velocity[0] == pytest.approx(0.2, rel=1e-15, abs=0)     # the sum of 100 ticks is compensated
     simulation.advance(1, [-7.0])
     assert simulation.effort.tolist() == [-2.0]
     assert simulation.acceleration.tolist() == [-2.0]
