@@ -151,13 +151,9 @@ class Simulation:
 
     def advance_to(self, time: float, effort=None) -> None:
         """Go on to `time` s, a whole number of ticks ahead or none, else ValueError; `effort` as in advance."""
-        if not np.isfinite(time):
-            raise ValueError(f'time is {time!r}, must be finite')
-        tick = round(time / self.step)
-        if abs(tick * self.step - time) > 1e-9 * self.step + 4.0 * np.spacing(abs(time)):
-            raise ValueError(f'time is {time!r}, must be a whole number of steps of {self.step!r} s')
+        tick = whole_ticks(time, self.step, 'time')
         if tick < self._tick:
-            raise ValueError(f'time is {time!r}, must not lie before the present {self.time!r}')
+            raise ValueError(f'time is {time!r} s, must not lie before the present {self.time!r} s')
         self.advance(tick - self._tick, effort)
 
     def checkpoint(self) -> Checkpoint:
@@ -205,9 +201,9 @@ def rollout(chain: Chain, duration: float, step: float = 1e-3, method: str = 'au
     return Run(np.arange(ticks + 1) * simulation.step, position, velocity, acted)
 
 
-def whole_ticks(duration: float, step: float) -> int:
-    """`duration` / `step` where that is a whole number >= 0, else ValueError."""
+def whole_ticks(duration: float, step: float, name: str = 'duration') -> int:
+    """`duration` / `step` where that is a whole number >= 0 up to rounding, else ValueError that calls it `name`."""
     ticks = round(duration / step) if np.isfinite(duration) else -1
     if ticks < 0 or abs(ticks * step - duration) > 1e-9 * step + 4.0 * np.spacing(abs(duration)):
-        raise ValueError(f'duration is {duration!r} s, must be a whole number >= 0 of steps of {step!r} s')
+        raise ValueError(f'{name} is {duration!r} s, must be a whole number >= 0 of steps of {step!r} s')
     return ticks

@@ -130,7 +130,8 @@ def test_reset_and_repeated_events_act_at_their_tick(tmp_path, capsys):
 @pytest.mark.parametrize('name, options, message', [
     ('lost tick', {'keep': lambda m: not (m.topic == '/joint_states' and m.sequence == 17)},
      'tick 18 does not follow tick 16'),
-    ('no state', {'keep': lambda m: m.topic != '/joint_states'}, 'comes at tick|holds no state'),
+    ('no state', {'keep': lambda m: m.topic != '/joint_states'}, "event 'command' of tick 5 comes at tick 0"),
+    ('nothing', {'keep': lambda m: False}, 'it holds no state to compare with'),
     ('bad event', {'change': lambda m: encode_string('{]') if m.topic != '/joint_states' else m.data},
      'cannot be followed'),
     ('event without data', {'change': lambda m: encode_string('[]') if m.topic != '/joint_states' else m.data},
@@ -148,7 +149,7 @@ def test_logs_that_cannot_be_followed_exit_2_with_one_sentence(log, tmp_path, ca
     assert resimulation.main([str(rewritten(log, tmp_path / 'bad.mcap', **options))]) == 2
     said = capsys.readouterr()
     assert said.out == '' and said.err.count('\n') == 1 and said.err.startswith('resimulate: log ')
-    assert any(part in said.err for part in message.split('|')), said.err
+    assert message in said.err
 
 
 @pytest.mark.parametrize('arguments, message', [
