@@ -1,4 +1,5 @@
 """Commands rollout and resimulate: equal bits, a flipped bit named, mistakes told in one sentence, all without ROS."""
+from dataclasses import replace
 import json
 from pathlib import Path
 import struct
@@ -106,13 +107,15 @@ def test_reset_and_repeated_events_act_at_their_tick(tmp_path, capsys):
     with rollout.OfflineLog(path, simulation) as log:
         def state():
             log.write_state(simulation.tick, simulation.position, simulation.velocity, simulation.effort)
+        effort = np.zeros(5)                                      # one array that is written again and again
         for k in range(50):
-            effort = np.full(5, 0.1 * k)
-            log.write_command(simulation.tick, effort - 1.0)      # overtaken at the same tick by the next
+            effort[:] = 0.1 * k - 1.0
+            log.write_command(simulation.tick, effort)            # overtaken at the same tick by the next
+            effort += 1.0
             log.write_command(simulation.tick, effort)
             simulation.advance(1, effort)
             state()
-        log._write_event(50, 'pause')
+        log._write_event(49, 'pause')                             # no matter when: it moves nothing
         log._write_event(50, 'reset')
         simulation.set_state(*start)
         state()
@@ -127,6 +130,18 @@ def test_reset_and_repeated_events_act_at_their_tick(tmp_path, capsys):
     assert resimulation.main([str(without)]) == 1
 
 
+def test_ticks_beyond_32_bits_are_followed(tmp_path, capsys):
+    """The file keeps the lowest 32 bits of a tick; the run's own tick is in the settings."""
+    simulation = pcs.Simulation(pcs.load_chain(ROBOT))
+    simulation.restore(replace(simulation.checkpoint(), tick=2**32 - 2))
+    path = tmp_path / 'late.mcap'
+    with rollout.OfflineLog(path, simulation) as log:
+        rollout.roll_to_log(simulation, 4, None, log)
+    assert [message.sequence for message in read_log(path).messages] == [2**32 - 2, 2**32 - 1, 0, 1, 2]
+    assert resimulation.main([str(path)]) == 0
+    assert capsys.readouterr().out == f'equal: 5 states over {2**32 + 2} ticks, bit for bit\n'
+
+
 @pytest.mark.parametrize('name, options, message', [
     ('lost tick', {'keep': lambda m: not (m.topic == '/joint_states' and m.sequence == 17)},
      'tick 18 does not follow tick 16'),
@@ -138,6 +153,10 @@ def test_reset_and_repeated_events_act_at_their_tick(tmp_path, capsys):
      'cannot be followed'),
     ('torn state', {'change': lambda m: m.data[:-9] if m.topic == '/joint_states' else m.data},
      'cannot be followed'),
+    ('other joints', {'change': lambda m: m.data.replace(b'upper_arm', b'lower_arm') if m.sequence == 3 else m.data},
+     'names other joints than its chain'),
+    ('no efforts', {'change': lambda m: m.data[:-48] + bytes(4) if m.sequence == 3 else m.data},
+     'its state of tick 3 lacks values of effort'),
     ('bad chain', {'chain_text': 'bodies: 3'}, 'chain.yaml'),
     ('bad method', {'settings': {'method': 'magic'}}, "method is 'magic'"),
     ('bad format', {'settings': {'format': '7'}}, "format is '7', must be '1'"),
