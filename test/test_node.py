@@ -105,6 +105,13 @@ def test_two_controllers_of_one_tick_are_both_heard(peer):
     peer.until(lambda: any(event['data']['effort'] == [0, 29, -29, 0, 0] for event in events(peer, 'command')))
 
 
+def test_of_two_topics_the_later_message_wins(peer):
+    for k in range(1, 30):
+        peer.joint_commands.publish(JointState(name=JOINTS, effort=[-1.0] * 5))
+        peer.commands.publish(efforts([k] * 5))
+        peer.new_state(lambda state: list(state.effort) == [k] * 5)
+
+
 def test_an_unknown_name_is_ignored_with_one_warning(peer):
     for _ in range(20):
         peer.joint_commands.publish(JointState(name=['elbow', JOINTS[0]], effort=[9.0, 7.0]))
@@ -146,10 +153,11 @@ def test_paused_time_stands_and_the_state_is_still_published(peer):
     success, sentence = peer.call('pause', True)
     assert success and 'already paused' in sentence
     assert peer.call('pause', False)[0]
-    running = peer.new_state(lambda state: state.position != first.position)
-    assert stamp_ns(running) > stamp_ns(first) + 1_000_000, 'stamps are of now again, not of before the pause'
+    running = peer.until(lambda: next((s for s in peer.states if s.position != first.position), None))
+    assert stamp_ns(running) > stamp_ns(first) + 10_000_000, 'stamps are of now again, not of before the pause'
     (paused,), (resumed,) = events(peer, 'pause'), events(peer, 'resume')
     assert paused['tick'] == resumed['tick']
+    assert resumed['tick'] not in [event['tick'] for event in events(peer, 'dropped_time')], 'a pause is no lost time'
 
 
 def test_step_is_one_period_and_only_while_paused(peer):

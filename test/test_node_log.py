@@ -112,7 +112,8 @@ def test_one_flipped_bit_is_found(held, tmp_path):
 
 def test_a_killed_node_leaves_a_log_that_runs_again(tmp_path):
     path = tmp_path / 'run.mcap'
-    with simulator(record=path, record_flush_period=0.1) as process, Peer() as peer:
+    # So slow that a chunk is full after seconds only.
+    with simulator(record=path, rate=100, record_flush_period=0.1) as process, Peer() as peer:
         peer.meet()
         peer.commands.publish(Float64MultiArray(data=[9.0, 1.0, 0.0, -1.0, 0.5]))
         peer.new_state(lambda state: state.effort[0] == 9.0)

@@ -121,7 +121,6 @@ class Simulator:
             self._simulation.advance(1, self._held.effort, self._outcome)
         except SimulationError as error:
             self._divergence = str(error)
-            self._lay_out()
             self._event('divergence', message=str(error), joint=error.joint, time=error.time,
                         position=error.position.tolist(), velocity=error.velocity.tolist())
             self._logger.error(f'{error}; ~/reset goes on from the initial state')
