@@ -56,8 +56,9 @@ def forward_dynamics(chain: Chain, position, velocity, effort, form: str = 'auto
     ValueError: bad shape, non-finite value, unknown form. SimulationError: singular configuration, names the joint.
     """
     position, velocity, effort = _joint_arrays(chain, position=position, velocity=velocity, effort=effort)
+    form = check_form(form)
     acceleration, joint = chain.plan.model.forward_dynamics(position, velocity, effort)
-    if joint < 0 and check_form(form) == 'reference':
+    if joint < 0 and form == 'reference':
         acceleration = equations_of_motion.forward_dynamics(chain, position, velocity, effort)
     if joint >= 0 or not np.isfinite(acceleration).all():
         name = chain.joint_names[joint if joint >= 0 else int(np.argmin(np.isfinite(acceleration)))]

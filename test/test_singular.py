@@ -45,14 +45,22 @@ CASES = {
 }
 
 
+@pytest.mark.parametrize('form', ['reference', 'recursive'])
 @pytest.mark.parametrize('name', CASES)
-def test_threshold_of_the_guard(name):
+def test_threshold_of_the_guard(name, form):
     scale, bodies = CASES[name]
     below, above = (chain_of(*bodies(factor * EPS * scale)) for factor in (99.0, 101.0))
     zero = np.zeros(below.joint_count)
     with pytest.raises(pcs.SimulationError, match="joint 'j0' of thin: the configuration is singular"):
-        pcs.forward_dynamics(below, zero, zero, zero)
-    assert pcs.forward_dynamics(above, zero, zero, zero).tolist() == zero.tolist()
+        pcs.forward_dynamics(below, zero, zero, zero, form)
+    assert pcs.forward_dynamics(above, zero, zero, zero, form).tolist() == zero.tolist()
+
+
+@pytest.mark.parametrize('form', ['reference', 'recursive'])
+def test_an_acceleration_that_overflows_is_named(form):
+    chain = chain_of(turning(-1, 1.0, 0j, 1.0), turning(-1, 1.0, 0j, 1e-3))
+    with pytest.raises(pcs.SimulationError, match="joint 'j1' of thin: the acceleration is not finite"):
+        pcs.forward_dynamics(chain, [0.0, 0.0], [0.0, 0.0], [1.0, 1e308], form)
 
 
 def test_a_failed_evaluation_leaves_nothing_behind():
