@@ -15,7 +15,7 @@ EPS = np.finfo(float).eps
 TWIN = 2.0
 TWIN_H = 15.0   # an entry of H is a sum over up to 30 bodies, each rounded a few times; the worst is 8
 
-# equations.md 10, derived symbolically at 50 digits: absolute accelerations of angles and slides, T, V and det H.
+# Derived symbolically from the positions of the mass centres alone, at 50 digits: absolute accelerations, T, V, det H.
 PHI, RATE, TAU = (0.3, -0.5, 1.1, 2.0), (0.7, -1.2, 0.4, 1.5), (1.0, -0.5, 0.3, 0.2)
 CARRIER = (-1, 0, 1, 1)
 CASES = {
@@ -128,7 +128,8 @@ def test_reference_against_kernel_on_random_trees(seed):
     chain = random_tree(seed, bodies=1 + seed % 30)
     position, velocity, effort = random_state(chain, seed)
     H, h = equations_of_motion.joint_equations(chain, position, velocity)
-    wanted = pcs.forward_dynamics(chain, position, velocity, effort, 'reference')
+    wanted = equations_of_motion.forward_dynamics(chain, position, velocity, effort)
+    assert pcs.forward_dynamics(chain, position, velocity, effort, 'reference').tobytes() == wanted.tobytes()
     got = pcs.forward_dynamics(chain, position, velocity, effort, 'recursive')
     # the right side effort - h is itself a difference of terms of the size of |effort| + |h|
     size = np.abs(wanted).max() + (np.abs(effort) + np.abs(h)).max() / np.linalg.norm(H, 2)

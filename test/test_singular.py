@@ -52,10 +52,11 @@ CASES = {
 @pytest.mark.parametrize('name', CASES)
 def test_threshold_of_the_guard(name, form):
     scale, bodies = CASES[name]
-    below, above = (chain_of(*bodies(factor * EPS * scale)) for factor in (99.0, 101.0))
+    none, below, above = (chain_of(*bodies(factor * EPS * scale)) for factor in (0.0, 99.0, 101.0))
     zero = np.zeros(below.joint_count)
-    with pytest.raises(pcs.SimulationError, match="joint 'j0' of thin: the configuration is singular"):
-        pcs.forward_dynamics(below, zero, zero, zero, form)
+    for chain in (none, below):
+        with pytest.raises(pcs.SimulationError, match="joint 'j0' of thin: the configuration is singular"):
+            pcs.forward_dynamics(chain, zero, zero, zero, form)
     assert pcs.forward_dynamics(above, zero, zero, zero, form).tolist() == zero.tolist()
 
 
