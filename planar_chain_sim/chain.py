@@ -82,11 +82,5 @@ class Chain:
         """Number of joints, the length of every joint array."""
         return len(self.joints)
 
-    @cached_property
-    def plan(self):
-        """What this chain needs and what is skipped, and the kernel's model of it (plan.py)."""
-        from .plan import make_plan
-        return make_plan(self)
-
     def __getstate__(self):
-        return {entry.name: getattr(self, entry.name) for entry in fields(self)}  # what is cached is made again
+        return {entry.name: getattr(self, entry.name) for entry in fields(self)}  # what is kept besides is made again

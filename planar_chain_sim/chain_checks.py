@@ -158,7 +158,7 @@ def read_joint(body, kind, body_name, owners) -> Optional[Joint]:
 
 
 def refuse_singular(chain, sections):
-    """Raise for a joint that no configuration gives any inertia of its own (equations sheet, section 7)."""
+    """Raise for a joint that no configuration gives any inertia of its own (equations.md 7)."""
     from .plan import singular_joint   # the kernel is not needed to read a file's keys
     name = singular_joint(chain)
     if name is None:

@@ -5,6 +5,7 @@ import numpy as np
 
 from . import equations_of_motion
 from .chain import Chain
+from .plan import plan_of
 
 FORMS = ('reference', 'recursive', 'auto')
 
@@ -57,7 +58,7 @@ def forward_dynamics(chain: Chain, position, velocity, effort, form: str = 'auto
     """
     position, velocity, effort = _joint_arrays(chain, position=position, velocity=velocity, effort=effort)
     form = check_form(form)
-    acceleration, joint = chain.plan.model.forward_dynamics(position, velocity, effort)
+    acceleration, joint = plan_of(chain).model.forward_dynamics(position, velocity, effort)
     if joint < 0 and form == 'reference':
         acceleration = equations_of_motion.forward_dynamics(chain, position, velocity, effort)
     if joint >= 0 or not np.isfinite(acceleration).all():
@@ -75,15 +76,15 @@ def inverse_dynamics(chain: Chain, position, velocity, acceleration) -> np.ndarr
     ValueError: bad shape or non-finite value.
     """
     arrays = _joint_arrays(chain, position=position, velocity=velocity, acceleration=acceleration)
-    return chain.plan.model.inverse_dynamics(*arrays)
+    return plan_of(chain).model.inverse_dynamics(*arrays)
 
 
 def mass_matrix(chain: Chain, position) -> np.ndarray:
     """H (joints, joints) in joint coordinates, armature included; columns by equations.md 6.1. ValueError as above."""
-    return chain.plan.model.mass_matrix(*_joint_arrays(chain, position=position))
+    return plan_of(chain).model.mass_matrix(*_joint_arrays(chain, position=position))
 
 
 def energy(chain: Chain, position, velocity) -> tuple[float, float]:
     """Energies T with armature, V = -sum m g . r + springs, in J (equations.md 6.1). ValueError as above."""
-    kinetic, potential = chain.plan.model.energy(*_joint_arrays(chain, position=position, velocity=velocity))
-    return kinetic, potential + chain.plan.grounded_energy
+    kinetic, potential = plan_of(chain).model.energy(*_joint_arrays(chain, position=position, velocity=velocity))
+    return kinetic, potential + plan_of(chain).grounded_energy

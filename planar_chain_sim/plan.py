@@ -48,8 +48,16 @@ def _kernel_model(chain: Chain, links) -> object:
     return model
 
 
-def make_plan(chain: Chain) -> Plan:
-    """Merge, list features, build the kernel's model. `Chain.plan` keeps the result."""
+def plan_of(chain: Chain) -> Plan:
+    """Return the chain's plan, made when it is first asked for and kept with the chain from then on."""
+    kept = vars(chain)   # a frozen dataclass lets its cache be written here, and pickles without it
+    if '_plan' not in kept:
+        kept['_plan'] = _make_plan(chain)
+    return kept['_plan']
+
+
+def _make_plan(chain: Chain) -> Plan:
+    """Merge welded bodies, list features, build the kernel's model."""
     links, grounded = merge_welded(chain)
     features = {
         'slides': any(link.slide for link in links),
@@ -64,7 +72,7 @@ def make_plan(chain: Chain) -> Plan:
     skipped = tuple(name for name, present in features.items() if not present)
     welded = len(chain.bodies) - len(links)
     if welded:
-        used += (f'{welded} welded bodies merged',)
+        used += (f'welded bodies merged: {welded}',)
     return Plan(_kernel_model(chain, links), len(links), chain.joint_count, used, skipped,
                 -(grounded * chain.gravity.conjugate()).real)
 
@@ -79,7 +87,7 @@ def singular_joint(chain: Chain) -> Optional[str]:
     zero, joint = np.zeros(count), -1
     for trial in range(1, 5):
         position = np.sin(1.0 + 2.399963 * trial * np.arange(1, count + 1)) * (0.7 + 0.2 * trial)
-        joint = chain.plan.model.forward_dynamics(position, zero, zero)[1]
+        joint = plan_of(chain).model.forward_dynamics(position, zero, zero)[1]
         if joint < 0:
             return None
     return chain.joint_names[joint]

@@ -10,6 +10,7 @@ from . import _kernel
 from .chain import Chain
 from .dynamics import check_form, forward_dynamics, joint_array, SimulationError
 from .integrators import AUTO, METHODS
+from .plan import plan_of
 
 # Outcomes of the kernel's step, in the order of `enum class Outcome` (kernel/integrators.hpp).
 _WHY = (None, 'the configuration is singular', 'the state ran away and would not be finite',
@@ -63,7 +64,7 @@ class Simulation:
         self.method, self.tolerance = self._row.name, tolerance
         self._asked = method
         self._zero = np.zeros(chain.joint_count)
-        self._stepper = _kernel.Stepper(chain.plan.model, len(self._row.b), [x for row in self._row.a for x in row],
+        self._stepper = _kernel.Stepper(plan_of(chain).model, len(self._row.b), [x for row in self._row.a for x in row],
                                         list(self._row.b), self.step)
         self._tick = 0
         self._stepper.set_state(*initial_state(chain))
@@ -108,7 +109,7 @@ class Simulation:
     def plan(self) -> str:
         """What this scene needs and what is skipped, the method and form chosen and why, on one line."""
         why = ' (auto: fixed step, nothing adaptive in this version)' if self._asked == 'auto' else ''
-        return (f'{self.chain.plan}; method {self.method}{why}, order {self._row.order}, step {self.step:g} s; '
+        return (f'{plan_of(self.chain)}; method {self.method}{why}, order {self._row.order}, step {self.step:g} s; '
                 f'form {self.form}')
 
     def set_state(self, position, velocity) -> None:

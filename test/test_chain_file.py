@@ -144,7 +144,7 @@ def test_text_that_is_no_chain_is_one_exact_sentence(text, problem):
 
 
 @pytest.mark.parametrize(('bodies', 'kind', 'joint', 'why'), [
-    # the rows of the equations sheet, section 7, that are never solvable
+    # the rows of equations.md 7 that are never solvable
     ([rod(mass=0, inertia=0)], 'rotation', 'pivot', NO_MASS),
     ([rod(inertia=0)], 'rotation', 'pivot', THE_SAME),
     ([rod(mass=0, slide={'joint': 'rail', 'axis': 0.3})], 'slide', 'rail', NO_MASS),

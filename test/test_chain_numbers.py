@@ -17,7 +17,7 @@ names = st.text(min_size=1, max_size=12).filter(str.isprintable)
 
 
 def test_inertia_within_rounding_is_the_point_mass():
-    """The parallel-axis theorem J = J_C + m c^2, and the 1e-9 relative of the contract."""
+    """The parallel-axis theorem J = J_C + m c^2, and the 1e-9 relative by which it may be missed."""
     for inertia, about_joint, about_center in ((0.25, 0.25, 0.0), (0.25 * (1 - 0.9e-9), 0.25, 0.0),
                                                (0.25 * (1 + 5e-16), 0.25, 0.0), (0.375, 0.375, 0.125)):
         body, = chain_from_dict({'bodies': [rod(inertia=inertia, center_of_mass=[0.3, -0.4])]}).bodies

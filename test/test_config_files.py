@@ -31,7 +31,7 @@ def test_chain_loads_under_its_own_name_and_moves(name):
 
 
 def test_arczewski_example_is_case_a():
-    """Oracle: 20 digits of the equations sheet, section 10; 1e-14 is 45 roundings of the largest acceleration."""
+    """Oracle: 20 digits, derived symbolically; 1e-14 is 45 roundings of the largest acceleration."""
     chain = load_chain(CONFIG / 'arczewski_example.yaml')
     assert chain.joint_names == ('column_slide', 'column_joint', 'upper_arm_joint', 'forearm_joint', 'side_arm_joint')
     phi = [-1.6885418081546309732, -1.5673906215470620974, -0.54634404870092430565, 0.42528308014579388658]

@@ -8,6 +8,7 @@ from random_trees import random_tree
 import planar_chain_sim as pcs
 from planar_chain_sim.benchmark.problems import uniform_rods
 from planar_chain_sim.chain import Body, Chain, Joint
+from planar_chain_sim.plan import plan_of
 from planar_chain_sim.simulation import whole_ticks
 
 
@@ -101,9 +102,9 @@ def test_the_plan_says_what_is_used_and_skipped_and_merged():
         Body('c', 0, 0j, 0.0, 1.0, 0j, 1.0, 1.0, None, Joint('r', 'rotation', 1.0)),
         Body('d', 0, 0j, 0.0, 1.0, 0j, 1.0, 1.0, None, Joint('t', 'rotation', 1.0)),
         Body('e', 2, 0j, 0.0, 1.0, 0j, 1.0, 1.0)))
-    assert str(everything.plan) == (
+    assert str(plan_of(everything)) == (
         '3 links, 3 joints, O(n) recursion; uses slides, branches, gravity, armature, damping, spring, friction, '
-        'effort limits, stops, 1 welded bodies merged; skips nothing')
+        'effort limits, stops, welded bodies merged: 1; skips nothing')
     assert 'method rk4, order 4' in pcs.Simulation(uniform_rods(1), 'rk4').plan
 
 

@@ -7,6 +7,7 @@ from typing import Callable, Iterator
 import numpy as np
 
 from .problems import uniform_rods
+from ..plan import plan_of
 from ..simulation import Simulation
 
 LINKS = (1, 4, 7, 32, 1024, 4096)
@@ -35,7 +36,7 @@ def step_times() -> Iterator[tuple]:
             simulation.set_state(position, zero)
             simulation.advance(count)
 
-        model, count = chain.plan.model, max(4, 200_000 // links)
+        model, count = plan_of(chain).model, max(4, 200_000 // links)
         evaluation = _repeat(lambda count: model.evaluate_repeatedly(position, zero, zero, count), count)
         ticks = _repeat(tick, max(2, count // 4))
         low, middle = evaluation.min(), np.median(evaluation)
