@@ -1,5 +1,9 @@
 """The executable rollout: what it says, and the efforts it reads."""
 import re
+import signal
+import subprocess
+import sys
+from time import monotonic, sleep
 
 import numpy as np
 import pytest
@@ -19,6 +23,19 @@ def test_ten_seconds_into_a_log_of_the_chain_files_name(tmp_path, monkeypatch, c
     assert first == f'{chain.name}: {pcs.Simulation(chain).plan}'
     assert re.fullmatch(r'four_link_robot\.mcap: 10 s simulated in \d+\.\d\d s, 10001 states', last)
     assert sum(1 for _ in read_log(tmp_path / 'four_link_robot.mcap').messages) == 10001
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_the_run_and_closes_the_log(tmp_path, number):
+    path = tmp_path / 'run.mcap'
+    process = subprocess.Popen([sys.executable, '-m', 'planar_chain_sim.recording.rollout', ROBOT, '--duration', '1e5',
+                                '--output', str(path)], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    started = monotonic()
+    while not (path.exists() and path.stat().st_size > 1_000_000) and monotonic() - started < 30.0:
+        sleep(0.01)
+    process.send_signal(number)
+    assert process.communicate(timeout=30)[1] == 'rollout: interrupted\n'
+    assert process.returncode == 130 and read_log(path).complete
 
 
 def test_progress_is_shown_tick_by_tick_in_the_end(tmp_path):

@@ -28,6 +28,12 @@ def test_measured_order_of_every_method():
         assert np.abs(slopes - method.order).max() < 0.05, (method.name, slopes)
 
 
+def test_rows_are_explicit_and_consistent():
+    for method in pcs.METHODS.values():
+        assert not np.triu(method.a).any()
+        assert sum(method.b) == pytest.approx(1.0, rel=1e-15, abs=0)
+
+
 def test_ticks_are_the_tableau_in_plain_arithmetic_bit_for_bit():
     """Stages as the method's row says, sums in twice the digits: what rounding loses is kept exactly, and used."""
     def two_sum(value, term):
