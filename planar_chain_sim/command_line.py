@@ -36,7 +36,8 @@ def run_command(program: str, body: Callable[[Optional[Sequence[str]]], int],
     from .dynamics import SimulationError
     from .recording.log_writer import LogError
 
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    for number in (signal.SIGINT, signal.SIGTERM):   # SIGINT too: a shell's background job is born deaf to it
+        signal.signal(number, signal.default_int_handler)
     try:
         return body(arguments)
     except (Mistake, ChainError, LogError, SimulationError, ValueError) as error:

@@ -30,11 +30,14 @@ def test_a_signal_ends_the_run_and_closes_the_log(tmp_path, number):
     path = tmp_path / 'run.mcap'
     process = subprocess.Popen([sys.executable, '-m', 'planar_chain_sim.recording.rollout', ROBOT, '--duration', '1e5',
                                 '--output', str(path)], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
-    started = monotonic()
-    while not (path.exists() and path.stat().st_size > 1_000_000) and monotonic() - started < 30.0:
-        sleep(0.01)
-    process.send_signal(number)
-    assert process.communicate(timeout=30)[1] == 'rollout: interrupted\n'
+    try:
+        started = monotonic()
+        while not (path.exists() and path.stat().st_size > 1_000_000) and monotonic() - started < 30.0:
+            sleep(0.01)
+        process.send_signal(number)
+        assert process.communicate(timeout=30)[1] == 'rollout: interrupted\n'
+    finally:
+        process.kill()
     assert process.returncode == 130 and read_log(path).complete
 
 
