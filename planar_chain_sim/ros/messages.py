@@ -6,7 +6,6 @@ from typing import NamedTuple
 from rclpy.callback_groups import CallbackGroup
 from rclpy.qos import QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
-from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 
@@ -39,20 +38,20 @@ class PolledGroup(CallbackGroup):
     """
     Keeps its subscriptions out of every executor: the owner takes their messages itself, when it has a use for them.
 
-    An executor would wake up for each message and cost more than the tick that uses it. What else belongs to them, as
-    the warning of incompatible QoS, is left to the executor.
+    An executor would wake up for each message and cost more than the tick that uses it. Nor may it have their QoS
+    events: while it waits for one of those, every message of the subscription wakes it too.
     """
 
     def can_execute(self, entity) -> bool:
-        """Return whether an executor may have the entity in its wait set."""
-        return not isinstance(entity, Subscription)
+        """Return False, by which an executor leaves the entity out of its wait set."""
+        return False
 
     def beginning_execution(self, entity) -> bool:
-        """Return whether an executor may run the entity."""
-        return not isinstance(entity, Subscription)
+        """Return False: no executor may run it."""
+        return False
 
     def ending_execution(self, entity) -> None:
-        """Do nothing: executions of this group may overlap."""
+        """Do nothing, as nothing has begun."""
 
 
 def create_publisher(node, topic: Topic):
