@@ -15,7 +15,7 @@ from planar_chain_sim.recording.message_types import MESSAGE_TYPES
 from planar_chain_sim.ros.messages import create_polled_subscription, INPUTS, OUTPUTS
 
 COUNT = 300
-SENDER = '''
+SENDER = """
 import rclpy, time
 from std_msgs.msg import Float64MultiArray
 rclpy.init()
@@ -23,7 +23,7 @@ publisher = rclpy.create_node('sender').create_publisher(Float64MultiArray, '/po
 while True:
     publisher.publish(Float64MultiArray(data=[1.0]))
     time.sleep(0.001)
-'''
+"""
 
 
 class CountingExecutor(SingleThreadedExecutor):
