@@ -48,8 +48,8 @@ def load_chain(path: Union[str, os.PathLike]) -> Chain:
             raise OSError(0, 'Not a regular file')
         with open(path, 'rb') as stream:
             text = stream.read(MAX_BYTES + 1)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, 'strerror', None) or error
+    except (OSError, ValueError) as error:   # ValueError: a NUL in the path, in words that change with Python's version
+        reason = getattr(error, 'strerror', None) or 'its name holds a NUL'
         raise ChainError(f'{name}: cannot be read ({reason}), must be a chain file in YAML') from None
     return chain_from_text(text, name)
 

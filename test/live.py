@@ -88,6 +88,10 @@ def simulator(*remappings, ready=True, preexec_fn=None, **parameters):
     return process
 
 
+def _never_called(message):
+    """Stand where rclpy wants a callback; it looks at the signature, which `print` lacks in Python 3.10."""
+
+
 class Peer:
     """Another participant of the ROS graph, in this process: sees states and events, commands, calls services."""
 
@@ -100,9 +104,9 @@ class Peer:
         self.states, self.events = [], []
         full_name = f'{namespace}/{name}'
         # Polled, not spun: an executor takes longer over a message than a 1 kHz node takes to send the next.
-        self.states_in = self.node.create_subscription(JointState, f'{namespace}/joint_states', print, 1000,
+        self.states_in = self.node.create_subscription(JointState, f'{namespace}/joint_states', _never_called, 1000,
                                                        callback_group=PolledGroup())
-        self.events_in = self.node.create_subscription(String, f'{full_name}/events', print, 1000,
+        self.events_in = self.node.create_subscription(String, f'{full_name}/events', _never_called, 1000,
                                                        callback_group=PolledGroup())
         self.commands = self.node.create_publisher(Float64MultiArray, f'{full_name}/commands', 64)
         self.joint_commands = self.node.create_publisher(JointState, f'{full_name}/joint_commands', 64)

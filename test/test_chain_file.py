@@ -212,7 +212,7 @@ def test_data_that_holds_itself_is_one_sentence():
     (str(Path(__file__).parent), 'Is a directory'),
     ('/dev/zero', 'Not a regular file'),
     ('/proc/self/mem', 'Input/output error'),
-    ('/a\0b', 'embedded null byte'),
+    ('/a\0b', 'its name holds a NUL'),
 ])
 def test_file_that_cannot_be_read_is_one_exact_sentence(path, reason):
     with pytest.raises(ChainError) as caught:

@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+import signal
 import sys
 from time import perf_counter
 from typing import Optional
@@ -152,9 +153,16 @@ def _rollout_to_file(arguments) -> int:
     from tqdm import tqdm   # the progress bar; not needed where rollout is a function
     print(f'{chain.name}: {simulation.plan}')
     began = perf_counter()
+    stops = []   # a signal in the midst of a record would tear the log: it is obeyed between chunks
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda number, frame: stops.append(number))
     with OfflineLog(path, simulation, options.compression) as log, tqdm(
             total=ticks, unit='tick', unit_scale=True, disable=None, leave=False) as bar:
-        roll_to_log(simulation, ticks, effort, log, bar.update)
+        def show(done):
+            bar.update(done)
+            if stops:
+                raise KeyboardInterrupt
+        roll_to_log(simulation, ticks, effort, log, show)
     print(f'{path}: {simulation.time:g} s simulated in {perf_counter() - began:.2f} s, {ticks + 1} states')
     return 0
 
