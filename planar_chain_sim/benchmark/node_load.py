@@ -8,7 +8,7 @@ import subprocess
 import sys
 from tempfile import TemporaryDirectory
 from threading import Thread
-from time import monotonic, sleep
+from time import monotonic, sleep, time_ns
 from typing import Iterator
 
 import numpy as np
@@ -22,70 +22,85 @@ WATCHED = 10.0   # s of steady running over which CPU time and lateness are take
 WAIT = 20.0      # s, after which a node that says nothing is given up
 
 
+class Observer:
+    """A subscriber to joint_states in this process, with a DDS participant of its own; `seen`: arrival times, s."""
+
+    def __init__(self):
+        try:
+            import rclpy
+            from rclpy.executors import SingleThreadedExecutor
+            from rclpy.node import Node
+            from sensor_msgs.msg import JointState
+        except ImportError as error:
+            raise Mistake(f'the node is measured with ROS 2, which cannot be loaded ({error})') from None
+        self.seen = []
+        self._context = rclpy.Context()
+        rclpy.init(context=self._context)
+        self._node = Node('benchmark_observer', context=self._context)
+        self._node.create_subscription(JointState, 'joint_states', lambda message: self.seen.append(monotonic()), 10,
+                                       raw=True)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        self._thread = Thread(target=self._executor.spin)
+
+    def __enter__(self):
+        self._thread.start()
+        return self
+
+    def __exit__(self, *exception):
+        self._executor.shutdown()
+        self._thread.join()
+        self._node.destroy_node()
+        self._context.try_shutdown()
+
+
 def node_load() -> Iterator[tuple]:
     """Yield rows of COLUMNS: start-up, CPU share, lateness of the node at 1 kHz, recording, one remote subscriber."""
-    try:
-        import rclpy
-        from rclpy.executors import SingleThreadedExecutor
-        from rclpy.node import Node
-        from sensor_msgs.msg import JointState
-    except ImportError as error:
-        raise Mistake(f'the node is measured with ROS 2, which cannot be loaded ({error})') from None
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-    rclpy.init()
-    node = Node('benchmark_observer')
-    seen = []
-    node.create_subscription(JointState, 'joint_states', lambda message: seen.append(monotonic()), 10, raw=True)
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    spinning = Thread(target=executor.spin)
-    spinning.start()
-    try:
-        with TemporaryDirectory() as folder:
-            yield from _measure(seen, Path(folder))
-    finally:
-        executor.shutdown()
-        spinning.join()
-        node.destroy_node()
-        rclpy.try_shutdown()
-
-
-def _measure(seen: list, folder: Path) -> Iterator[tuple]:
-    starts, shares, late = [], [], []
-    for k in range(STARTS):
-        log = folder / f'{k}.mcap'
-        seen.clear()
-        began = monotonic()
-        process = subprocess.Popen(
-            [sys.executable, '-m', 'planar_chain_sim.ros.node', '--ros-args', '-p', f'record:={log}'],
-            stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
-        try:
-            while not seen:
-                if process.poll() is not None or monotonic() - began > WAIT:
-                    raise Mistake(f'the simulator did not start: {process.stderr.read().decode().strip()}')
-                sleep(1e-3)
-            starts.append(seen[0] - began)
-            if k == STARTS - 1:
-                sleep(1.0)
-                before, mark = _cpu_time(process.pid), monotonic()
-                sleep(WATCHED)
-                shares.append((_cpu_time(process.pid) - before) / (monotonic() - mark) * 100.0)
-        finally:
-            process.send_signal(signal.SIGINT)
-            process.communicate(timeout=WAIT)
-        if k == STARTS - 1:
+    own, other = [], []
+    with TemporaryDirectory() as folder:
+        for k in range(STARTS):
+            log = Path(folder, f'{k}.mcap')
+            with Observer() as observer:
+                began, began_wall = monotonic(), time_ns()
+                share = _run(log, observer, WATCHED if k == STARTS - 1 else 0.0)
             states = [message for message in read_log(log).messages if message.topic == '/joint_states']
-            late = np.array([message.log_time - message.publish_time for message in states][1000:]) * 1e-3
-            lost = states[-1].sequence + 1 - len(states)
-    yield 'process start to first joint_states in another process', *_spread(starts, 1e3), 'ms'
-    yield 'CPU share at 1 kHz, recording, one remote subscriber', *_spread(shares, 1.0), '% of a core'
+            own.append((states[0].log_time - began_wall) * 1e-6)
+            other.append((observer.seen[0] - began) * 1e3)
+    late = np.array([message.log_time - message.publish_time for message in states][1000:]) * 1e-3
+    lost = states[-1].sequence + 1 - len(states)
+    yield 'process start to first joint_states', *_spread(own), 'ms'
+    yield 'process start to first joint_states in another process that waits', *_spread(other), 'ms'
+    yield 'CPU share at 1 kHz, recording, one remote subscriber', *_spread([share]), '% of a core'
     yield 'state published after its tick was due, p50', np.percentile(late, 50), late.min(), late.max(), 'us'
     yield 'state published after its tick was due, p99', np.percentile(late, 99), late.min(), late.max(), 'us'
     yield 'ticks lost in the log', lost, lost, lost, f'of {len(states)}'
 
 
-def _spread(values: list, scale: float) -> tuple:
-    return np.median(values) * scale, min(values) * scale, max(values) * scale
+def _run(log: Path, observer: Observer, watched: float) -> float:
+    """Run the simulator until its first state has come, and `watched` s longer; return its CPU share in %."""
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'planar_chain_sim.ros.node', '--ros-args', '-p', f'record:={log}'],
+        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+    share, began = 0.0, monotonic()
+    try:
+        while not observer.seen:
+            if process.poll() is not None or monotonic() - began > WAIT:
+                raise Mistake('the simulator did not start')
+            sleep(1e-3)
+        if watched:
+            sleep(1.0)
+            before, mark = _cpu_time(process.pid), monotonic()
+            sleep(watched)
+            share = (_cpu_time(process.pid) - before) / (monotonic() - mark) * 100.0
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=WAIT)
+    return share
+
+
+def _spread(values: list) -> tuple:
+    return np.median(values), min(values), max(values)
 
 
 def _cpu_time(process: int) -> float:
