@@ -63,7 +63,6 @@ class Simulation:
         self._row = resolve_method(method, tolerance)
         self.method, self.tolerance = self._row.name, tolerance
         self._asked = method
-        self._zero = np.zeros(chain.joint_count)
         self._stepper = _kernel.Stepper(plan_of(chain).model, len(self._row.b), [x for row in self._row.a for x in row],
                                         list(self._row.b), self.step)
         self._tick = 0
@@ -77,7 +76,7 @@ class Simulation:
     @property
     def time(self) -> float:
         """Simulated time, s: tick * step."""
-        return self._tick * self.step
+        return self.tick * self.step
 
     @property
     def position(self) -> np.ndarray:
@@ -129,42 +128,49 @@ class Simulation:
         tick. ValueError: bad count, shape or value, before anything moves. SimulationError: singular, not finite or at
         a stop; the last good state stays.
         """
-        if not isinstance(ticks, (int, np.integer)) or isinstance(ticks, bool) or ticks < 0:
-            raise ValueError(f'ticks is {ticks!r}, must be a whole number >= 0')
-        if effort is None:
-            effort = self._zero
+        stopped = self._stepper.advance(ticks, effort, record)
+        if stopped is False:  # not yet what the kernel takes
+            ticks, effort, record = self._checked(ticks, effort, record)
+            stopped = self._stepper.advance(ticks, effort, record)
+        if stopped is None:
+            self._tick += ticks
         else:
-            joints = self.chain.joint_count
-            effort = joint_array('effort', effort, (joints,) if np.ndim(effort) == 1 else (ticks, joints))
-        shape = ticks, self.chain.joint_count
-        for rows in record or ():
-            if rows.shape != shape or rows.dtype != np.float64 or not rows.flags.c_contiguous:
-                raise ValueError(f'record has an array of {rows.dtype} and shape {rows.shape}, '
-                                 f'must be C-ordered float64 of shape {shape}')
-        done, outcome, joint = self._stepper.advance(ticks, effort, record)
-        self._tick += done
-        if outcome:
+            done, outcome, joint = stopped
+            self._tick += done
             name = self.chain.joint_names[joint]
             raise SimulationError(
-                f"joint '{name}' of {self.chain.name} at tick {self._tick}, t = {self.time!r} s: {_WHY[outcome]}; "
-                'the last good state is kept', joint=name, time=self.time, tick=self._tick,
+                f"joint '{name}' of {self.chain.name} at tick {self.tick}, t = {self.time!r} s: {_WHY[outcome]}; "
+                'the last good state is kept', joint=name, time=self.time, tick=self.tick,
                 position=self.position, velocity=self.velocity)
+
+    def _checked(self, ticks, effort, record) -> tuple:
+        """Return the arguments of advance as the kernel takes them; ValueError."""
+        if not isinstance(ticks, (int, np.integer)) or isinstance(ticks, bool) or not 0 <= ticks < 2 ** 63:
+            raise ValueError(f'ticks is {ticks!r}, must be a whole number >= 0')
+        joints = self.chain.joint_count
+        if effort is not None:
+            effort = joint_array('effort', effort, (joints,) if np.ndim(effort) == 1 else (ticks, joints))
+        for rows in record or ():
+            if rows.shape != (ticks, joints) or rows.dtype != np.float64 or not rows.flags.carray:
+                raise ValueError(f'record has an array of {rows.dtype} and shape {rows.shape}, '
+                                 f'must be C-ordered writeable float64 of shape {(ticks, joints)}')
+        return int(ticks), effort, None if record is None else tuple(record)
 
     def advance_to(self, time: float, effort=None) -> None:
         """Go on to `time` s, a whole number of ticks ahead or none, else ValueError; `effort` as in advance."""
         tick = whole_ticks(time, self.step, 'time')
-        if tick < self._tick:
+        if tick < self.tick:
             raise ValueError(f'time is {time!r} s, must not lie before the present {self.time!r} s')
-        self.advance(tick - self._tick, effort)
+        self.advance(tick - self.tick, effort)
 
     def checkpoint(self) -> Checkpoint:
         """Everything, hidden round-off terms included: going on from it gives the same bits."""
-        return Checkpoint(self._tick, self._stepper.save())
+        return Checkpoint(self.tick, self._stepper.save())
 
     def restore(self, saved: Checkpoint) -> None:
         """Go back to a checkpoint of a simulation of the same chain; ValueError if it is of another size."""
-        if saved.state[0].shape != self._zero.shape:
-            raise ValueError(f'checkpoint has {saved.state[0].size} joints, must have {self._zero.size}')
+        if saved.state[0].size != self.chain.joint_count:
+            raise ValueError(f'checkpoint has {saved.state[0].size} joints, must have {self.chain.joint_count}')
         self._stepper.load(*saved.state)
         self._tick = saved.tick
 

@@ -1,13 +1,17 @@
 """The node as its users meet it: from another process, over real DDS."""
 import json
+import signal
+import time
 
-from live import CONFIG, Peer, simulator, stamp_ns
+from live import CONFIG, Peer, run, simulator, stamp_ns
 import numpy as np
 import pytest
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from planar_chain_sim import load_chain
+from planar_chain_sim.recording.cdr import decode_joint_state
+from planar_chain_sim.recording.log_reader import read_log
 
 CHAIN = load_chain(CONFIG / 'four_link_robot.yaml')
 JOINTS = list(CHAIN.joint_names)
@@ -214,3 +218,39 @@ def test_the_last_publisher_gone_means_zero_effort(peer):
     peer.commands = peer.node.create_publisher(Float64MultiArray, '/simulator/commands', 64)
     peer.joint_commands = peer.node.create_publisher(JointState, '/simulator/joint_commands', 64)
     peer.meet()
+
+
+def test_hold_keeps_the_last_command():
+    with simulator('__ns:=/held', on_controller_loss='hold') as process, Peer(namespace='/held') as peer:
+        with Peer(namespace='/held') as controller:
+            controller.meet()
+            peer.meet()
+            peer.node.destroy_publisher(peer.commands)
+            peer.node.destroy_publisher(peer.joint_commands)
+            controller.commands.publish(efforts([3, 3, 3, 3, 3]))
+            peer.new_state(lambda state: state.effort[0] == 3)
+        peer.until(lambda: not peer.node.count_publishers('/held/simulator/commands'))
+        begun = stamp_ns(peer.new_state())
+        later = peer.new_state(lambda state: stamp_ns(state) > begun + 300_000_000)
+        assert list(later.effort) == [3] * 5 and not events(peer, 'controller_loss')
+        assert process.stop() == 0
+
+
+def test_time_that_cannot_be_caught_up_is_dropped_and_told(tmp_path):
+    with simulator('__ns:=/late', record=tmp_path / 'run.mcap') as process, Peer(namespace='/late') as peer:
+        peer.meet()
+        process.send(signal.SIGSTOP)
+        time.sleep(0.6)  # what is lost
+        process.send(signal.SIGCONT)
+        dropped = peer.until(lambda: [event for event in events(peer, 'dropped_time')
+                                      if event['data']['seconds'] > 0.5])
+        peer.new_state(lambda state: abs(time.time_ns() - stamp_ns(state)) < 400_000_000)  # stamps are of now again
+        assert process.stop() == 0
+    assert 's late and dropped, the machine cannot keep up' in process.output
+    log = [message for message in read_log(tmp_path / 'run.mcap').messages if message.topic == '/late/joint_states']
+    stamps = {message.sequence: decode_joint_state(message.data).stamp for message in log}
+    assert list(stamps) == list(range(len(stamps))), 'no tick is lost with the time'
+    tick = dropped[0]['tick']
+    assert stamps[tick + 1] - stamps[tick] == pytest.approx(dropped[0]['data']['seconds'] * 1e9 + 1_000_000, abs=2)
+    code, output = run('planar_chain_sim.recording.resimulation', tmp_path / 'run.mcap')
+    assert code == 0, output

@@ -74,7 +74,7 @@ def test_records_and_checkpoints_that_do_not_fit_are_refused():
     simulation = pcs.Simulation(uniform_rods(2))
     good = np.empty((3, 2))
     for bad in (np.empty((2, 2)), np.empty((3, 2), dtype=np.float32), np.empty((2, 3)).T):
-        with pytest.raises(ValueError, match=r'must be C-ordered float64 of shape \(3, 2\)'):
+        with pytest.raises(ValueError, match=r'must be C-ordered writeable float64 of shape \(3, 2\)'):
             simulation.advance(3, record=(good, good, bad))
     with pytest.raises(ValueError, match='checkpoint has 3 joints, must have 2'):
         simulation.restore(pcs.Simulation(uniform_rods(3)).checkpoint())

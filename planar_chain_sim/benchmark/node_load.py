@@ -48,6 +48,12 @@ class Observer:
         return self
 
     def __exit__(self, *exception):
+        self.leave()
+
+    def leave(self):
+        """End the subscription, the thread and the participant; nothing happens a second time."""
+        if not self._thread.is_alive():
+            return
         self._executor.shutdown()
         self._thread.join()
         self._node.destroy_node()
@@ -63,7 +69,7 @@ def node_load() -> Iterator[tuple]:
             log = Path(folder, f'{k}.mcap')
             with Observer() as observer:
                 began, began_wall = monotonic(), time_ns()
-                share = _run(log, observer, WATCHED if k == STARTS - 1 else 0.0)
+                shares = _run(log, observer, WATCHED if k == STARTS - 1 else 0.0)
             states = [message for message in read_log(log).messages if message.topic == '/joint_states']
             own.append((states[0].log_time - began_wall) * 1e-6)
             other.append((observer.seen[0] - began) * 1e3)
@@ -71,32 +77,38 @@ def node_load() -> Iterator[tuple]:
     lost = states[-1].sequence + 1 - len(states)
     yield 'process start to first joint_states', *_spread(own), 'ms'
     yield 'process start to first joint_states in another process that waits', *_spread(other), 'ms'
-    yield 'CPU share at 1 kHz, recording, one remote subscriber', *_spread([share]), '% of a core'
+    for name, share in zip(('one remote subscriber', 'no subscriber'), shares):
+        yield f'CPU share at 1 kHz, recording, {name}', *_spread([share]), '% of a core'
     yield 'state published after its tick was due, p50', np.percentile(late, 50), late.min(), late.max(), 'us'
     yield 'state published after its tick was due, p99', np.percentile(late, 99), late.min(), late.max(), 'us'
     yield 'ticks lost in the log', lost, lost, lost, f'of {len(states)}'
 
 
-def _run(log: Path, observer: Observer, watched: float) -> float:
-    """Run the simulator until its first state has come, and `watched` s longer; return its CPU share in %."""
+def _run(log: Path, observer: Observer, watched: float) -> list[float]:
+    """
+    Run the simulator until its first state has come; return its CPU shares in %, with the observer and then without.
+
+    Each share is taken over `watched` s, none where that is 0.
+    """
     process = subprocess.Popen(
         [sys.executable, '-m', 'planar_chain_sim.ros.node', '--ros-args', '-p', f'record:={log}'],
         stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
-    share, began = 0.0, monotonic()
+    shares, began = [], monotonic()
     try:
         while not observer.seen:
             if process.poll() is not None or monotonic() - began > WAIT:
                 raise Mistake('the simulator did not start')
             sleep(1e-3)
-        if watched:
+        for prepare in (lambda: None, observer.leave) if watched else ():
+            prepare()
             sleep(1.0)
             before, mark = _cpu_time(process.pid), monotonic()
             sleep(watched)
-            share = (_cpu_time(process.pid) - before) / (monotonic() - mark) * 100.0
+            shares.append((_cpu_time(process.pid) - before) / (monotonic() - mark) * 100.0)
     finally:
         process.send_signal(signal.SIGINT)
         process.communicate(timeout=WAIT)
-    return share
+    return shares
 
 
 def _spread(values: list) -> tuple:

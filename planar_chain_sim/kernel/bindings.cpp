@@ -4,6 +4,7 @@
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 
+#include <cmath>
 #include <complex>
 #include <optional>
 #include <tuple>
@@ -120,23 +121,56 @@ class Stepper {
  public:
   Stepper(const Model& model, int stages, std::vector<double> a, std::vector<double> b, double step)
       : forces_(model.forces), state_(model.chain().joint_count), effort_(state_.position.size()),
-        latched_(state_.position.size()),
+        latched_(state_.position.size()), zero_(state_.position.size()),
         method_(model.chain(), forces_, pc::ButcherTableau{stages, std::move(a), std::move(b)}, step) {}
   Stepper(const Stepper&) = delete;
 
-  // Returns (ticks done, outcome, joint). `record` is None or arrays (position, velocity, effort) with a row per tick.
-  std::tuple<std::int64_t, int, int> advance(std::int64_t ticks, const Array& effort,
-                                             std::optional<std::tuple<Array, Array, Array>> record) {
-    const bool held = effort.ndim() == 1;
-    const pc::Efforts efforts{effort.data(), held ? 0 : state_.position.size()};
-    pc::Record rows;
-    if (record)
-      rows = {std::get<0>(*record).mutable_data(), std::get<1>(*record).mutable_data(),
-              std::get<2>(*record).mutable_data()};
-    py::gil_scoped_release release;
-    const pc::Progress progress = pc::roll(method_, forces_, state_, ticks, efforts, rows, effort_, latched_);
+  // Advances where the arguments are whole: an int >= 0; None or a finite array of (joints,) or (ticks, joints); None or
+  // a tuple of arrays (ticks, joints) that take position, velocity and effort. Returns None when done, (ticks done,
+  // outcome, joint) where it stopped before, and False, with nothing moved, where Python is to check or convert an
+  // argument first: a controlled run comes here at every tick.
+  py::object advance(const py::handle& ticks_given, const py::handle& effort_given, const py::handle& record_given) {
+    const py::ssize_t joints = static_cast<py::ssize_t>(effort_.size());
+    if (!PyLong_CheckExact(ticks_given.ptr())) return py::bool_(false);
+    int overflow = 0;
+    const std::int64_t ticks = PyLong_AsLongLongAndOverflow(ticks_given.ptr(), &overflow);
+    if (ticks < 0 || overflow != 0) return py::bool_(false);
+
+    pc::Efforts efforts{zero_.data(), 0};
+    if (!effort_given.is_none()) {
+      if (!py::isinstance<Array>(effort_given)) return py::bool_(false);
+      const Array effort = py::reinterpret_borrow<Array>(effort_given);
+      const bool rows = effort.ndim() == 2;
+      if (effort.ndim() == 0 || effort.shape(effort.ndim() - 1) != joints || effort.ndim() > 2) return py::bool_(false);
+      if (rows && effort.shape(0) != ticks) return py::bool_(false);
+      for (py::ssize_t i = 0; i < effort.size(); ++i)
+        if (!std::isfinite(effort.data()[i])) return py::bool_(false);
+      efforts = {effort.data(), rows ? effort_.size() : 0};
+    }
+    pc::Record record;
+    if (!record_given.is_none()) {
+      if (!PyTuple_CheckExact(record_given.ptr()) || PyTuple_GET_SIZE(record_given.ptr()) != 3) return py::bool_(false);
+      double** const fields[] = {&record.position, &record.velocity, &record.effort};
+      for (py::ssize_t i = 0; i < 3; ++i) {
+        const py::handle given(PyTuple_GET_ITEM(record_given.ptr(), i));
+        if (!py::isinstance<Array>(given)) return py::bool_(false);
+        Array rows = py::reinterpret_borrow<Array>(given);
+        if (rows.ndim() != 2 || rows.shape(0) != ticks || rows.shape(1) != joints || !rows.writeable())
+          return py::bool_(false);
+        *fields[i] = rows.mutable_data();
+      }
+    }
+
+    pc::Progress progress;
+    if (ticks * joints < few_joint_ticks) {
+      progress = pc::roll(method_, forces_, state_, ticks, efforts, record, effort_, latched_);
+    } else {
+      py::gil_scoped_release release;
+      progress = pc::roll(method_, forces_, state_, ticks, efforts, record, effort_, latched_);
+    }
     evaluations_ += method_.stages() * (progress.ticks + (progress.outcome != pc::Outcome::good));
-    return {progress.ticks, static_cast<int>(progress.outcome), progress.joint};
+    if (progress.outcome == pc::Outcome::good) return py::none();
+    return py::make_tuple(progress.ticks, static_cast<int>(progress.outcome), progress.joint);
   }
 
   void set_state(const Array& position, const Array& velocity) {
@@ -168,9 +202,12 @@ class Stepper {
   std::int64_t evaluations() const { return evaluations_; }
 
  private:
+  // Below this, some microseconds, letting the interpreter go and taking it back would cost more than it gives.
+  static constexpr std::int64_t few_joint_ticks = 32;
+
   const pc::JointForces& forces_;
   pc::JointState state_;
-  std::vector<double> effort_, latched_;
+  std::vector<double> effort_, latched_, zero_;
   pc::ExplicitRungeKutta method_;
   std::int64_t evaluations_ = 0;
 };

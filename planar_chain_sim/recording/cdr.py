@@ -10,7 +10,7 @@ rmw_fastrtps sizes its buffers generously and sends what happens to lie there.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from struct import error as StructError, Struct
+from struct import Struct
 from typing import Sequence
 
 import numpy as np
@@ -65,15 +65,16 @@ class JointStateLayout:
         # Four spare bytes in front put the body, and with it every float64, on a multiple of eight in memory.
         memory = np.frombuffer(bytearray(4) + _ENCAPSULATION + body, np.uint8)
         self._message = memory[4:]
-        self._stamp = memory[8:16].data
+        self._seconds, self._nanoseconds = memory[8:12].view('<i4').data, memory[12:16].view('<u4').data
         self.position, self.velocity, self.effort = (
             memory[8 + start:8 + start + 8 * joints].view('<f8') for start in starts)
 
     def set_stamp(self, nanoseconds: int) -> None:
         """Put the time (int, ns) into header.stamp; CdrError where its seconds do not fit into an int32."""
+        seconds = nanoseconds // 1_000_000_000
         try:
-            _STAMP.pack_into(self._stamp, 0, *divmod(nanoseconds, 1_000_000_000))
-        except StructError:
+            self._seconds[0], self._nanoseconds[0] = seconds, nanoseconds - seconds * 1_000_000_000
+        except ValueError:
             raise CdrError(f'stamp {nanoseconds} ns: its seconds do not fit into the int32 of ROS time') from None
 
     def to_bytes(self) -> bytes:

@@ -9,26 +9,30 @@ class Pacing:
     Ticks on the wall: tick k is due at start + (k - start tick) * period, and its state is stamped with that time.
 
     `period`: s of wall time per tick. `wall_minus_steady`: ns from the steady clock to the epoch, fixed once, so that
-    no step of the system clock ever shows in a stamp. All times are int ns; `now` is of the steady clock.
+    no step of the system clock ever shows in a stamp. `stamp_minus_due`: the same while stamps follow the clock, more
+    after steps that ran ahead of it. All times are int ns; `now` is of the steady clock.
     """
 
     def __init__(self, period: float, wall_minus_steady: int):
         self.period = period * 1e9
         self._wall_minus_steady = wall_minus_steady
-        self._tick = self._start = self._stamp = 0
+        self._tick = self._start = self.stamp_minus_due = 0
+        self._asked = None  # tick whose due time is kept
 
     def anchor(self, tick: int, now: int) -> None:
         """Let `tick` be due now: at the start and after a pause. Its stamp is now, or later where stamps are ahead."""
-        self._stamp = max(self.wall(now), self.stamp(tick))
-        self._tick, self._start = tick, now
+        self.stamp_minus_due = max(self._wall_minus_steady, self.stamp(tick) - now)
+        self._tick, self._start, self._asked = tick, now, None
 
     def due(self, tick: int) -> int:
         """Return when `tick` is due, on the steady clock."""
-        return self._start + round((tick - self._tick) * self.period)
+        if tick != self._asked:  # the loop asks before it sleeps, after it slept and for the stamp
+            self._asked, self._due = tick, self._start + round((tick - self._tick) * self.period)
+        return self._due
 
     def stamp(self, tick: int) -> int:
         """Return the time of the state at `tick` since the epoch: it never goes back."""
-        return self._stamp + round((tick - self._tick) * self.period)
+        return self.due(tick) + self.stamp_minus_due
 
     def wall(self, now: int) -> int:
         """Return `now` since the epoch."""
@@ -37,5 +41,5 @@ class Pacing:
     def drop(self, tick: int, now: int) -> int:
         """Let `tick` be due now instead of when it was, stamps likewise; return the time dropped."""
         late = now - self.due(tick)
-        self._stamp, self._tick, self._start = self.stamp(tick) + late, tick, now
+        self._tick, self._start, self._asked = tick, now, None
         return late
