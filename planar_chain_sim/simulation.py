@@ -9,12 +9,13 @@ import numpy as np
 from . import _kernel
 from .chain import Chain
 from .dynamics import check_form, forward_dynamics, joint_array, SimulationError
-from .integrators import AUTO, METHODS
+from .integrators import AUTO, DEFAULT_TOLERANCE, METHODS, taylor_order
 from .plan import plan_of
 
 # Outcomes of the kernel's step, in the order of `enum class Outcome` (kernel/integrators.hpp).
 _WHY = (None, 'the configuration is singular', 'the state ran away and would not be finite',
-        'the joint reached a stop, which this version does not simulate yet')
+        'the joint reached a stop, which this version does not simulate yet',
+        'the steps that the tolerance asks for have become too short to be taken')
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,7 @@ class Checkpoint:
 
     tick: int
     state: tuple
+    between: Optional[float] = None  # s, time between two ticks
 
 
 def initial_state(chain: Chain) -> tuple[np.ndarray, np.ndarray]:
@@ -32,13 +34,17 @@ def initial_state(chain: Chain) -> tuple[np.ndarray, np.ndarray]:
 
 
 def resolve_method(method: str, tolerance: Optional[float]):
-    """Row of METHODS for a name or 'auto'; ValueError for an unknown one, or a tolerance that the method cannot use."""
+    """Row of METHODS and tolerance for a name or 'auto'; ValueError: unknown name, a tolerance that cannot be used."""
     if method != 'auto' and method not in METHODS:
         raise ValueError(f"method is {method!r}, must be 'auto' or one of {', '.join(map(repr, METHODS))}")
     row = METHODS[AUTO if method == 'auto' else method]
-    if tolerance is not None and not row.adaptive:
+    if tolerance is None:
+        return row, DEFAULT_TOLERANCE if row.adaptive else None
+    if not row.adaptive:
         raise ValueError(f'tolerance is {tolerance!r}, must be None: method {row.name!r} has a fixed step')
-    return row
+    if not (isinstance(tolerance, (int, float, np.floating)) and 0.0 < tolerance < 1.0):
+        raise ValueError(f'tolerance is {tolerance!r}, must be a number between 0 and 1')
+    return row, float(tolerance)
 
 
 class Simulation:
@@ -60,23 +66,27 @@ class Simulation:
             raise ValueError(f"joint '{sticky}' of {chain.name} has `friction`, "
                              'whose sticking this version does not simulate yet')
         self.chain, self.step, self.form = chain, float(step), 'recursive'
-        self._row = resolve_method(method, tolerance)
-        self.method, self.tolerance = self._row.name, tolerance
-        self._asked = method
-        self._stepper = _kernel.Stepper(plan_of(chain).model, len(self._row.b), [x for row in self._row.a for x in row],
-                                        list(self._row.b), self.step)
-        self._tick = 0
+        self._row, self.tolerance = resolve_method(method, tolerance)
+        self.method, self._asked = self._row.name, method
+        self._stepper = _kernel.Stepper(plan_of(chain).model, self._method_data(), self.step)
+        self._tick, self._between = 0, None
         self._stepper.set_state(*initial_state(chain))
+
+    def _method_data(self):
+        row = self._row
+        order = row.order or taylor_order(self.tolerance)
+        return _kernel.MethodData(row.family, order, [x for stage in row.a for x in stage], list(row.b),
+                                  self.tolerance or 0.0)
 
     @property
     def tick(self) -> int:
-        """Ticks done since the start."""
+        """Ticks done since the start; the last whole one where advance_to has gone on between two ticks."""
         return self._tick
 
     @property
     def time(self) -> float:
-        """Simulated time, s: tick * step."""
-        return self.tick * self.step
+        """Simulated time, s: tick * step, or where between two ticks advance_to has led."""
+        return self._tick * self.step if self._between is None else self._between
 
     @property
     def position(self) -> np.ndarray:
@@ -101,14 +111,15 @@ class Simulation:
     @property
     def statistics(self) -> dict:
         """Counts since the start: evaluations, steps, rejected steps, events."""
-        return {'evaluations': self._stepper.evaluations, 'steps': self._stepper.evaluations // len(self._row.b),
-                'rejected_steps': 0, 'events': 0}
+        evaluations, steps, rejected_steps = self._stepper.counts
+        return {'evaluations': evaluations, 'steps': steps, 'rejected_steps': rejected_steps, 'events': 0}
 
     @property
     def plan(self) -> str:
         """What this scene needs and what is skipped, the method and form chosen and why, on one line."""
         why = ' (auto: fixed step, nothing adaptive in this version)' if self._asked == 'auto' else ''
-        return (f'{plan_of(self.chain)}; method {self.method}{why}, order {self._row.order}, step {self.step:g} s; '
+        order = self._row.order or f'{taylor_order(self.tolerance)} for tolerance {self.tolerance:g}'
+        return (f'{plan_of(self.chain)}; method {self.method}{why}, order {order}, tick {self.step:g} s; '
                 f'form {self.form}')
 
     def set_state(self, position, velocity) -> None:
@@ -128,20 +139,23 @@ class Simulation:
         tick. ValueError: bad count, shape or value, before anything moves. SimulationError: singular, not finite or at
         a stop; the last good state stays.
         """
-        stopped = self._stepper.advance(ticks, effort, record)
+        stopped = self._stepper.advance(self.time, self._tick, ticks, effort, record)
         if stopped is False:  # not yet what the kernel takes
             ticks, effort, record = self._checked(ticks, effort, record)
-            stopped = self._stepper.advance(ticks, effort, record)
-        if stopped is None:
-            self._tick += ticks
-        else:
-            done, outcome, joint = stopped
-            self._tick += done
-            name = self.chain.joint_names[joint]
-            raise SimulationError(
-                f"joint '{name}' of {self.chain.name} at tick {self.tick}, t = {self.time!r} s: {_WHY[outcome]}; "
-                'the last good state is kept', joint=name, time=self.time, tick=self.tick,
-                position=self.position, velocity=self.velocity)
+            stopped = self._stepper.advance(self.time, self._tick, ticks, effort, record)
+        done, *why = stopped or (ticks,)
+        self._tick += done
+        if done:
+            self._between = None
+        if why:
+            raise self._error(*why)
+
+    def _error(self, outcome: int, joint: int) -> SimulationError:
+        name = self.chain.joint_names[joint]
+        return SimulationError(
+            f"joint '{name}' of {self.chain.name} at tick {self.tick}, t = {self.time!r} s: {_WHY[outcome]}; "
+            'the last good state is kept', joint=name, time=self.time, tick=self.tick,
+            position=self.position, velocity=self.velocity)
 
     def _checked(self, ticks, effort, record) -> tuple:
         """Return the arguments of advance as the kernel takes them; ValueError."""
@@ -157,22 +171,41 @@ class Simulation:
         return int(ticks), effort, None if record is None else tuple(record)
 
     def advance_to(self, time: float, effort=None) -> None:
-        """Go on to `time` s, a whole number of ticks ahead or none, else ValueError; `effort` as in advance."""
-        tick = whole_ticks(time, self.step, 'time')
-        if tick < self.tick:
+        """
+        Go on to exactly `time` s under `effort` as in advance; an adaptive method may stop between two ticks.
+
+        ValueError: a time that lies back, for a method of fixed step one that is no whole number of steps; effort rows
+        for a time between two ticks. SimulationError as in advance.
+        """
+        try:
+            tick, between = whole_ticks(time, self.step, 'time'), False
+        except ValueError:
+            if not self._row.adaptive or not (isinstance(time, (int, float, np.floating)) and 0.0 <= time < np.inf):
+                raise
+            tick, between = int(time / self.step), True
+        if time < self.time and (between or tick < self._tick + (self._between is not None)):
             raise ValueError(f'time is {time!r} s, must not lie before the present {self.time!r} s')
-        self.advance(tick - self.tick, effort)
+        if between:
+            effort = joint_array('effort', np.zeros(self.chain.joint_count) if effort is None else effort,
+                                 (self.chain.joint_count,))
+        if tick > self._tick:
+            self.advance(tick - self._tick, effort)
+        if between:
+            stopped = self._stepper.reach(self.time, float(time), effort)
+            if stopped:
+                raise self._error(*stopped)
+            self._between = float(time)
 
     def checkpoint(self) -> Checkpoint:
         """Everything, hidden round-off terms included: going on from it gives the same bits."""
-        return Checkpoint(self.tick, self._stepper.save())
+        return Checkpoint(self._tick, self._stepper.save(), self._between)
 
     def restore(self, saved: Checkpoint) -> None:
         """Go back to a checkpoint of a simulation of the same chain; ValueError if it is of another size."""
         if saved.state[0].size != self.chain.joint_count:
             raise ValueError(f'checkpoint has {saved.state[0].size} joints, must have {self.chain.joint_count}')
         self._stepper.load(*saved.state)
-        self._tick = saved.tick
+        self._tick, self._between = saved.tick, saved.between
 
 
 @dataclass(frozen=True)

@@ -54,7 +54,7 @@ class Ear:
         self.node = Node('ear', context=self.context)
         self.heard = {topic: [] for topic in topics}
         self.subscriptions = {
-            topic: self.node.create_subscription(message, f'/{topic.replace("__", "/")}', print, 1000,
+            topic: self.node.create_subscription(message, f'/{topic.replace("__", "/")}', lambda _: None, 1000,
                                                  callback_group=PolledGroup(), raw=True)
             for topic, message in topics.items()}
 

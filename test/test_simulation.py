@@ -18,7 +18,7 @@ def total_energy(chain, run):
 def test_measured_order_of_every_method():
     """Error against a much finer run of the same branched, sliding arm falls with the declared order, within 0.05."""
     chain = random_tree(8, bodies=5)
-    for method in pcs.METHODS.values():
+    for method in (method for method in pcs.METHODS.values() if not method.adaptive):
         exact = pcs.rollout(chain, 0.5, 1 / 8192, method.name)
         errors = []
         for steps in (64, 128, 256):
@@ -29,7 +29,7 @@ def test_measured_order_of_every_method():
 
 
 def test_rows_are_explicit_and_consistent():
-    for method in pcs.METHODS.values():
+    for method in (row for row in pcs.METHODS.values() if row.family == 'explicit Runge-Kutta'):
         assert not np.triu(method.a).any()
         assert sum(method.b) == pytest.approx(1.0, rel=1e-15, abs=0)
 

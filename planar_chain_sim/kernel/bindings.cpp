@@ -6,7 +6,9 @@
 
 #include <cmath>
 #include <complex>
+#include <memory>
 #include <optional>
+#include <string>
 #include <tuple>
 
 #include "chain.hpp"
@@ -14,6 +16,8 @@
 #include "joint_forces.hpp"
 #include "recursive.hpp"
 #include "rollout.hpp"
+#include "runge_kutta.hpp"
+#include "taylor.hpp"
 #include "trigonometry.hpp"
 
 namespace py = pybind11;
@@ -116,20 +120,38 @@ class Model {
   std::vector<double> effort_;
 };
 
+// What a method is made of, from its row of METHODS in integrators.py.
+struct MethodData {
+  std::string family;
+  int order = 0;
+  std::vector<double> a, b;
+  double tolerance = 0.0;  // adaptive methods
+  double fixed = 0.0;      // s: an adaptive method takes steps of this length, to measure its order; 0: its own
+};
+
+std::unique_ptr<pc::Integrator> make_integrator(const MethodData& data, const pc::Chain& chain, pc::Form& form,
+                                                const pc::JointForces& forces, double step) {
+  const int joints = chain.joint_count;
+  if (data.family == "taylor")
+    return std::make_unique<pc::Taylor>(chain, forces, step, data.order, data.tolerance, data.fixed);
+  return std::make_unique<pc::ExplicitRungeKutta>(
+      form, forces, joints, pc::ButcherTableau{static_cast<int>(data.b.size()), data.a, data.b}, step);
+}
+
 // State, method and workspace of one simulation. Ticks are counted by Python.
 class Stepper {
  public:
-  Stepper(const Model& model, int stages, std::vector<double> a, std::vector<double> b, double step)
+  Stepper(const Model& model, const MethodData& method, double step)
       : forces_(model.forces), state_(model.chain().joint_count), effort_(state_.position.size()),
-        latched_(state_.position.size()), zero_(state_.position.size()),
-        method_(model.chain(), forces_, pc::ButcherTableau{stages, std::move(a), std::move(b)}, step) {}
+        latched_(state_.position.size()), zero_(state_.position.size()), step_(step), form_(model.chain()),
+        integrator_(make_integrator(method, model.chain(), form_, forces_, step)) {}
   Stepper(const Stepper&) = delete;
 
-  // Advances where the arguments are whole: an int >= 0; None or a finite array of (joints,) or (ticks, joints); None or
+  // Goes on from `now` s, at tick `tick` or behind it, where the arguments are whole: an int >= 0; None or a finite array of (joints,) or (ticks, joints); None or
   // a tuple of arrays (ticks, joints) that take position, velocity and effort. Returns None when done, (ticks done,
   // outcome, joint) where it stopped before, and False, with nothing moved, where Python is to check or convert an
   // argument first: a controlled run comes here at every tick.
-  py::object advance(const py::handle& ticks_given, const py::handle& effort_given, const py::handle& record_given) {
+  py::object advance(double now, std::int64_t tick, const py::handle& ticks_given, const py::handle& effort_given, const py::handle& record_given) {
     const py::ssize_t joints = static_cast<py::ssize_t>(effort_.size());
     if (!PyLong_CheckExact(ticks_given.ptr())) return py::bool_(false);
     int overflow = 0;
@@ -163,17 +185,29 @@ class Stepper {
 
     pc::Progress progress;
     if (ticks * joints < few_joint_ticks) {
-      progress = pc::roll(method_, forces_, state_, ticks, efforts, record, effort_, latched_);
+      progress = pc::roll(*integrator_, forces_, state_, step_, now, tick, ticks, efforts, record, effort_, latched_);
     } else {
       py::gil_scoped_release release;
-      progress = pc::roll(method_, forces_, state_, ticks, efforts, record, effort_, latched_);
+      progress = pc::roll(*integrator_, forces_, state_, step_, now, tick, ticks, efforts, record, effort_, latched_);
     }
-    evaluations_ += method_.stages() * (progress.ticks + (progress.outcome != pc::Outcome::good));
     if (progress.outcome == pc::Outcome::good) return py::none();
     return py::make_tuple(progress.ticks, static_cast<int>(progress.outcome), progress.joint);
   }
 
+  // Goes on from `from` to `time`, s, under the effort held; None when done, (outcome, joint) where it stopped before.
+  py::object reach(double from, double time, const Array& effort) {
+    std::copy(effort.data(), effort.data() + effort.size(), latched_.begin());
+    forces_.clamp(latched_.data());
+    pc::Progress progress;
+    integrator_->reach(from, time, state_, latched_.data(), progress);
+    if (progress.outcome != pc::Outcome::good)
+      return py::make_tuple(static_cast<int>(progress.outcome), progress.joint);
+    effort_ = latched_;
+    return py::none();
+  }
+
   void set_state(const Array& position, const Array& velocity) {
+    integrator_->forget();
     std::copy(position.data(), position.data() + position.size(), state_.position.begin());
     std::copy(velocity.data(), velocity.data() + velocity.size(), state_.velocity.begin());
     std::fill(state_.position_remainder.begin(), state_.position_remainder.end(), 0.0);
@@ -183,23 +217,27 @@ class Stepper {
   py::tuple save() const {
     return py::make_tuple(make_array(state_.position), make_array(state_.velocity),
                           make_array(state_.position_remainder), make_array(state_.velocity_remainder),
-                          make_array(effort_));
+                          make_array(effort_), make_array(integrator_->save()));
   }
 
   void load(const Array& position, const Array& velocity, const Array& position_remainder,
-            const Array& velocity_remainder, const Array& effort) {
+            const Array& velocity_remainder, const Array& effort, const Array& ahead) {
     set_state(position, velocity);
     std::copy(position_remainder.data(), position_remainder.data() + position_remainder.size(),
               state_.position_remainder.begin());
     std::copy(velocity_remainder.data(), velocity_remainder.data() + velocity_remainder.size(),
               state_.velocity_remainder.begin());
     std::copy(effort.data(), effort.data() + effort.size(), effort_.begin());
+    integrator_->load(std::vector<double>(ahead.data(), ahead.data() + ahead.size()));
   }
 
   Array position() const { return make_array(state_.position); }
   Array velocity() const { return make_array(state_.velocity); }
   Array effort() const { return make_array(effort_); }
-  std::int64_t evaluations() const { return evaluations_; }
+  py::tuple counts() const {
+    const pc::Counts& counts = integrator_->counts;
+    return py::make_tuple(counts.evaluations, counts.steps, counts.rejected_steps);
+  }
 
  private:
   // Below this, some microseconds, letting the interpreter go and taking it back would cost more than it gives.
@@ -208,8 +246,9 @@ class Stepper {
   const pc::JointForces& forces_;
   pc::JointState state_;
   std::vector<double> effort_, latched_, zero_;
-  pc::ExplicitRungeKutta method_;
-  std::int64_t evaluations_ = 0;
+  const double step_;
+  pc::Recursion form_;
+  std::unique_ptr<pc::Integrator> integrator_;
 };
 
 }  // namespace
@@ -246,14 +285,21 @@ PYBIND11_MODULE(_kernel, module) {
       .def("mass_matrix", &Model::mass_matrix)
       .def("energy", &Model::energy);
 
+  py::class_<MethodData>(module, "MethodData")
+      .def(py::init([](std::string family, int order, std::vector<double> a, std::vector<double> b, double tolerance,
+                       double fixed) { return MethodData{family, order, a, b, tolerance, fixed}; }),
+           py::arg("family"), py::arg("order"), py::arg("a"), py::arg("b"), py::arg("tolerance"),
+           py::arg("fixed") = 0.0);
+
   py::class_<Stepper>(module, "Stepper")
-      .def(py::init<const Model&, int, std::vector<double>, std::vector<double>, double>(), py::keep_alive<1, 2>())
+      .def(py::init<const Model&, const MethodData&, double>(), py::keep_alive<1, 2>())
       .def("advance", &Stepper::advance)
+      .def("reach", &Stepper::reach)
       .def("set_state", &Stepper::set_state)
       .def("save", &Stepper::save)
       .def("load", &Stepper::load)
       .def_property_readonly("position", &Stepper::position)
       .def_property_readonly("velocity", &Stepper::velocity)
       .def_property_readonly("effort", &Stepper::effort)
-      .def_property_readonly("evaluations", &Stepper::evaluations);
+      .def_property_readonly("counts", &Stepper::counts);
 }

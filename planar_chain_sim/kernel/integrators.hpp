@@ -1,21 +1,15 @@
-// Explicit Runge-Kutta steps of q' = v, v' = f(q, v, u) with compensated sums. Coefficients: METHODS in integrators.py.
+// What moves a state from tick to tick: steps of a fixed size here, steps of their own size in adaptive.hpp.
 #pragma once
 
 #include <cmath>
+#include <cstdint>
 #include <utility>
 #include <vector>
 
-#include "chain.hpp"
+#include "form.hpp"
 #include "joint_forces.hpp"
-#include "recursive.hpp"
 
 namespace planar_chain {
-
-struct ButcherTableau {
-  int stages = 0;
-  std::vector<double> a;  // stages x stages, row by row, strictly lower triangular
-  std::vector<double> b;  // stages
-};
 
 // Joint coordinates and rates as unevaluated sums: value + remainder holds twice the digits.
 struct JointState {
@@ -25,87 +19,92 @@ struct JointState {
       : position(joints), velocity(joints), position_remainder(joints), velocity_remainder(joints) {}
 };
 
-enum class Outcome { good, singular, not_finite, beyond_stop };
+// Two-sum (Knuth, TAOCP 2, 4.2.2): what rounding loses goes into the remainder, so that error grows with steps^(1/2).
+inline void add_compensated(double value, double remainder, double increment, double& sum, double& lost) {
+  const double term = increment + remainder;
+  sum = value + term;
+  const double back = sum - value;
+  lost = (value - (sum - back)) + (term - back);
+}
 
-class ExplicitRungeKutta {
+enum class Outcome { good, singular, not_finite, beyond_stop, stalled };
+
+struct Progress {
+  std::int64_t ticks = 0;
+  Outcome outcome = Outcome::good;
+  int joint = -1;
+};
+
+struct Counts {
+  std::int64_t evaluations = 0, steps = 0, rejected_steps = 0;
+};
+
+// Pivots are made of squares of positions: where these overflow or are no numbers, no pivot can be judged.
+inline Outcome singular_or_not_finite(const double* position, int joints) {
+  for (int i = 0; i < joints; ++i)
+    if (!std::isfinite(position[i] * position[i])) return Outcome::not_finite;
+  return Outcome::singular;
+}
+
+// First joint whose position or velocity is not finite, -1 if none.
+inline int first_not_finite(const JointState& state) {
+  for (std::size_t i = 0; i < state.position.size(); ++i)
+    if (!std::isfinite(state.position[i]) || !std::isfinite(state.velocity[i])) return static_cast<int>(i);
+  return -1;
+}
+
+class Integrator {
  public:
-  ExplicitRungeKutta(const Chain& chain, const JointForces& forces, const ButcherTableau& tableau, double step)
-      : forces_(forces), tableau_(tableau), step_(step), joints_(chain.joint_count), recursion_(chain),
-        next_(joints_), stage_position_(joints_), effort_(joints_), position_sum_(joints_), velocity_sum_(joints_),
-        rates_(static_cast<std::size_t>(tableau.stages) * joints_),
-        accelerations_(static_cast<std::size_t>(tableau.stages) * joints_) {}
+  Counts counts;
 
-  // One step under the clamped actuator effort. The state changes only if the outcome is good; else `joint` is why.
-  Outcome step(JointState& state, const double* actuator, int& joint) {
-    for (int stage = 0; stage < tableau_.stages; ++stage) {
-      double* rate = row_of(rates_, stage);
-      double* acceleration = row_of(accelerations_, stage);
-      weigh(&tableau_.a[static_cast<std::size_t>(stage) * tableau_.stages], stage);
-      for (int i = 0; i < joints_; ++i) {
-        stage_position_[i] = state.position[i] + (step_ * position_sum_[i] + state.position_remainder[i]);
-        rate[i] = state.velocity[i] + (step_ * velocity_sum_[i] + state.velocity_remainder[i]);
-        effort_[i] = actuator[i];
-      }
-      forces_.add_passive(stage_position_.data(), rate, effort_.data());
-      joint = recursion_.forward(stage_position_.data(), rate, effort_.data(), acceleration);
-      if (joint >= 0) return has_squares(stage_position_) ? Outcome::singular : Outcome::not_finite;
+  virtual ~Integrator() = default;
+
+  // Moves `state`, which is at `now` s, that is at tick `tick` or not yet at the next, on to tick + ticks under the
+  // clamped actuator effort. Stops before a tick that fails: the state is then that of the last good one. Calls may be
+  // cut anywhere: the bits are the same.
+  virtual Progress advance(double now, std::int64_t tick, std::int64_t ticks, JointState& state,
+                           const double* actuator) = 0;
+
+  // Moves `state` on to `time`, which may lie between ticks; false if the method cannot.
+  virtual bool reach(double /*from*/, double /*time*/, JointState&, const double* /*actuator*/, Progress&) {
+    return false;
+  }
+
+  // The state was changed by somebody else: nothing that was computed ahead holds.
+  virtual void forget() {}
+
+  // What decides how to go on besides the state: for a checkpoint.
+  virtual std::vector<double> save() const { return {}; }
+  virtual void load(const std::vector<double>&) { forget(); }
+};
+
+// One step a tick. step() changes the state only if the outcome is good; else `joint` is why.
+class FixedStep : public Integrator {
+ public:
+  FixedStep(const JointForces& forces, int joints) : forces_(forces), next_(joints) {}
+
+  Progress advance(double, std::int64_t, std::int64_t ticks, JointState& state, const double* actuator) override {
+    Progress progress;
+    for (; progress.ticks < ticks; ++progress.ticks) {
+      progress.outcome = step(state, actuator, next_, progress.joint);
+      if (progress.outcome == Outcome::good && (progress.joint = first_not_finite(next_)) >= 0)
+        progress.outcome = Outcome::not_finite;
+      if (progress.outcome == Outcome::good && (progress.joint = forces_.beyond_stop(next_.position.data())) >= 0)
+        progress.outcome = Outcome::beyond_stop;
+      if (progress.outcome != Outcome::good) break;
+      std::swap(state, next_);
+      ++counts.steps;
     }
-    weigh(tableau_.b.data(), tableau_.stages);
-    for (int i = 0; i < joints_; ++i) {
-      add(state.position[i], state.position_remainder[i], step_ * position_sum_[i], next_.position[i],
-          next_.position_remainder[i]);
-      add(state.velocity[i], state.velocity_remainder[i], step_ * velocity_sum_[i], next_.velocity[i],
-          next_.velocity_remainder[i]);
-    }
-    for (joint = 0; joint < joints_; ++joint)
-      if (!std::isfinite(next_.position[joint]) || !std::isfinite(next_.velocity[joint])) return Outcome::not_finite;
-    joint = forces_.beyond_stop(next_.position.data());
-    if (joint >= 0) return Outcome::beyond_stop;
-    std::swap(state, next_);
-    return Outcome::good;
+    return progress;
   }
 
-  int stages() const { return tableau_.stages; }
-
- private:
-  double* row_of(std::vector<double>& stages, int stage) { return &stages[static_cast<std::size_t>(stage) * joints_]; }
-
-  // Sums over l < count of weight[l] k_l, in the order of the stages.
-  void weigh(const double* weight, int count) {
-    for (int i = 0; i < joints_; ++i) position_sum_[i] = velocity_sum_[i] = 0.0;
-    for (int l = 0; l < count; ++l) {
-      if (weight[l] == 0.0) continue;
-      const double* rate = row_of(rates_, l);
-      const double* acceleration = row_of(accelerations_, l);
-      for (int i = 0; i < joints_; ++i) {
-        position_sum_[i] += weight[l] * rate[i];
-        velocity_sum_[i] += weight[l] * acceleration[i];
-      }
-    }
-  }
-
-  // Two-sum (Knuth, TAOCP 2, 4.2.2): what rounding loses goes into the remainder, so that error grows with steps^(1/2).
-  static void add(double value, double remainder, double increment, double& sum, double& lost) {
-    const double term = increment + remainder;
-    sum = value + term;
-    const double back = sum - value;
-    lost = (value - (sum - back)) + (term - back);
-  }
-
-  // Pivots are made of squares of positions: where these overflow or are no numbers, no pivot can be judged.
-  static bool has_squares(const std::vector<double>& values) {
-    for (const double value : values)
-      if (!std::isfinite(value * value)) return false;
-    return true;
-  }
+ protected:
+  virtual Outcome step(const JointState& state, const double* actuator, JointState& next, int& joint) = 0;
 
   const JointForces& forces_;
-  const ButcherTableau tableau_;
-  const double step_;
-  const int joints_;
-  Recursion recursion_;
+
+ private:
   JointState next_;
-  std::vector<double> stage_position_, effort_, position_sum_, velocity_sum_, rates_, accelerations_;
 };
 
 }  // namespace planar_chain

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "chain.hpp"
+#include "form.hpp"
 #include "trigonometry.hpp"
 
 namespace planar_chain {
@@ -57,6 +58,7 @@ struct LinkState {
   Outboard branches;                                          // sum over children other than the next link
   Vec turn_row, slide_row;                                    // kept for the way back: h, y / Delta
   double turn_inverse = 0.0, turn_torque = 0.0;               // 1 / (I + I_a), t
+  double slide_inverse = 0.0;                                 // 1 / Delta
   double slide_known = 0.0, slide_coupling = 0.0;             // nu / Delta, chi.h / Delta
   Vec acceleration;                                           // a_i
   double angular_acceleration = 0.0;                          // phi_i''
@@ -67,22 +69,70 @@ struct LinkState {
 // A pivot at or below this fraction of its scale is no pivot: equations.md 7, "Guard".
 constexpr double singular_pivot = 100.0 * std::numeric_limits<double>::epsilon();
 
-class Recursion {
+class Recursion final : public Form {
  public:
   explicit Recursion(const Chain& chain)
       : chain_(chain), state_(chain.links.size()), angle_((chain.links.size() / sine_block + 1) * sine_block),
         sine_(angle_.size()), cosine_(angle_.size(), 1.0) {}
 
-  // Joint accelerations from joint efforts that already contain every joint law. Returns -1, or the joint whose pivot
-  // vanished.
-  int forward(const double* position, const double* velocity, const double* effort, double* acceleration) {
-    turn(position, velocity);
+  int forward(const double* position, const double* velocity, const double* effort, double* acceleration) override {
+    return forward(position, nullptr, velocity, effort, acceleration);
+  }
+
+  // The same at position + remainder: angles that are known beyond double precision keep what they have.
+  int forward(const double* position, const double* remainder, const double* velocity, const double* effort,
+              double* acceleration) {
+    turn(position, velocity, remainder);
     const int singular = eliminate(position, velocity, effort);
     if (singular >= 0) return singular;
     state_[0].acceleration = {-chain_.gravity_x, -chain_.gravity_y};
     substitute(acceleration);
     return -1;
   }
+
+  // After forward(), with its factors: what the joint efforts `effort` alone add to the accelerations, H x = effort.
+  void respond(const double* effort, double* acceleration) {
+    Vec bias;
+    double torque = 0.0;
+    for (int i = chain_.link_count(); i >= 1; --i) {
+      const Link& link = chain_.links[i];
+      LinkState& s = state_[i];
+      if (link.has_branches) {
+        bias = bias + s.branches.bias, torque += s.branches.torque;
+        s.branches = Outboard{};
+      }
+      const bool three = link.rotation < 0 || link.rotor > 0.0;
+      double reaction = 0.0;
+      if (link.rotation >= 0) {
+        reaction = link.sign * effort[link.rotation];
+        torque += reaction;
+        s.turn_torque = torque;
+        bias = bias + (s.turn_inverse * torque) * s.turn_row;
+        torque *= link.rotor * s.turn_inverse;
+      }
+      if (link.slide >= 0) {
+        const double nu = effort[link.slide] - dot(s.slide_axis, bias);
+        s.slide_known = s.slide_inverse * nu;
+        torque -= nu * s.slide_coupling;
+        bias = bias + nu * s.slide_row;
+      }
+      torque = (three ? torque : 0.0) - dot(perp(s.lever), bias) - reaction;
+      if (link.carrier != i - 1) {
+        if (link.carrier != 0) {
+          state_[link.carrier].branches.bias = state_[link.carrier].branches.bias + bias;
+          state_[link.carrier].branches.torque += torque;
+        }
+        bias = Vec{}, torque = 0.0;
+      }
+    }
+    state_[0].acceleration = Vec{};
+    substitute(acceleration, false);
+  }
+
+  const Chain& chain() const { return chain_; }
+  double cosine(int link) const { return cosine_[link]; }
+  double sine(int link) const { return sine_[link]; }
+  double rate(int link) const { return state_[link].rate; }
 
   // Efforts of the bare mechanism (armature in, joint laws out) for given accelerations: equations.md 6.1.
   void inverse(const double* position, const double* velocity, const double* acceleration, bool gravity,
@@ -101,7 +151,8 @@ class Recursion {
 
  private:
   // Absolute angles and rates by prefix sums, phi = P^T theta, and the unit vectors e^(j phi).
-  void turn(const double* position, const double* velocity) {
+  void turn(const double* position, const double* velocity, const double* remainder = nullptr) {
+    if (remainder != nullptr) return turn_beyond_double(position, velocity, remainder);
     const int n = chain_.link_count();
     double angle = 0.0, rate = 0.0;
     for (int i = 1; i <= n; ++i) {
@@ -117,6 +168,23 @@ class Recursion {
       for (int i = 1; i <= n; ++i) sine_cosine(angle_[i], sine_[i], cosine_[i]);
     } else {
       sine_cosine(angle_.data(), sine_.data(), cosine_.data(), static_cast<int>(angle_.size()) / sine_block);
+    }
+  }
+
+  // The same for angles position + remainder, summed with what rounding loses.
+  void turn_beyond_double(const double* position, const double* velocity, const double* remainder) {
+    if (low_.empty()) low_.resize(angle_.size());
+    for (int i = 1; i <= chain_.link_count(); ++i) {
+      const Link& link = chain_.links[i];
+      double high = angle_[link.carrier], low = low_[link.carrier], rate = state_[link.carrier].rate;
+      if (link.rotation >= 0) {
+        const double turned = link.sign * position[link.rotation], sum = high + turned, back = sum - high;
+        low += ((high - (sum - back)) + (turned - back)) + link.sign * remainder[link.rotation];
+        high = sum;
+        rate += link.sign * velocity[link.rotation];
+      }
+      angle_[i] = high, low_[i] = low, state_[i].rate = rate;
+      sine_cosine(high, low, sine_[i], cosine_[i]);
     }
   }
 
@@ -193,6 +261,7 @@ class Recursion {
       if (!(pivot > singular_pivot * (link.outboard_mass + link.slide_armature))) return link.slide;
       const double inverse = 1.0 / pivot;
       const double nu = effort[link.slide] - dot(s.slide_axis, b);
+      s.slide_inverse = inverse;
       s.slide_row = inverse * y;
       s.slide_known = inverse * nu;
       if (three) {
@@ -225,7 +294,7 @@ class Recursion {
   }
 
   // Root to leaf: accelerations of joint point, slide and angle, the carrier's in registers along a serial chain.
-  void substitute(double* acceleration) {
+  void substitute(double* acceleration, bool moving = true) {
     Vec linear;
     double angular = 0.0;
     for (int i = 1; i <= chain_.link_count(); ++i) {
@@ -233,7 +302,8 @@ class Recursion {
       LinkState& s = state_[i];
       if (link.carrier != i - 1 || i == 1)
         linear = state_[link.carrier].acceleration, angular = state_[link.carrier].angular_acceleration;
-      linear = (linear + s.carried) + angular * perp(s.lever);
+      if (moving) linear = linear + s.carried;
+      linear = linear + angular * perp(s.lever);
       if (link.slide >= 0) {
         const double slide = s.slide_known - dot(s.slide_row, linear) - s.slide_coupling * angular;
         linear = linear + slide * s.slide_axis;
@@ -280,6 +350,7 @@ class Recursion {
   const Chain& chain_;
   std::vector<LinkState> state_;
   std::vector<double> angle_, sine_, cosine_;  // phi_i, e^(j phi_i); slot 0 is the base, the last block is padded
+  std::vector<double> low_;                    // what phi_i is beyond double precision, where that is known
 };
 
 inline void Recursion::energy(const double* position, const double* velocity, double& kinetic, double& potential) {

@@ -42,8 +42,8 @@ inline double with_sign(double value, std::uint64_t negative) {
   return value;
 }
 
-// Angles of at most most_quarters quarter turns; returns 1 if the angle is farther and the result is to be thrown away.
-inline int near_sine_cosine(double angle, double& sine, double& cosine) {
+// Angle + low, |low| small beside it, of at most most_quarters quarter turns; returns 1 if the angle is farther and the result is to be thrown away.
+inline int near_sine_cosine(double angle, double low, double& sine, double& cosine) {
   const double shifted = angle * quarters_per_radian + to_nearest;
   const double k = shifted - to_nearest;
   // angle - k pi/2 = r + tail, |r| <= pi/4, |tail| < 2^-50, correct to 2^-99
@@ -51,7 +51,7 @@ inline int near_sine_cosine(double angle, double& sine, double& cosine) {
   const double second = k * quarter_2;
   const double r = first - second;
   const double back = first - r;
-  const double tail = ((first - (r + back)) + (back - second)) - k * quarter_3;
+  const double tail = ((first - (r + back)) + (back - second)) - k * quarter_3 + low;
 
   const double z = r * r;
   const double half = 0.5 * z;
@@ -69,12 +69,15 @@ inline int near_sine_cosine(double angle, double& sine, double& cosine) {
 
 }  // namespace trigonometry
 
-inline void sine_cosine(double angle, double& sine, double& cosine) {
-  if (trigonometry::near_sine_cosine(angle, sine, cosine)) {  // far angles are left to the math library
+// Of angle + low, where low is what a sum of angles has lost by rounding.
+inline void sine_cosine(double angle, double low, double& sine, double& cosine) {
+  if (trigonometry::near_sine_cosine(angle, low, sine, cosine)) {  // far angles are left to the math library
     sine = std::sin(angle);
     cosine = std::cos(angle);
   }
 }
+
+inline void sine_cosine(double angle, double& sine, double& cosine) { sine_cosine(angle, 0.0, sine, cosine); }
 
 // The same for `blocks` times 8 angles, with the machine's widest vectors; without contraction that changes no bit.
 constexpr int sine_block = 8;
@@ -84,7 +87,7 @@ __attribute__((target_clones("avx2", "default")))
 inline void sine_cosine(const double* __restrict angle, double* __restrict sine, double* __restrict cosine,
                         int blocks) {
   int far = 0;
-  for (int i = 0; i < blocks * sine_block; ++i) far |= trigonometry::near_sine_cosine(angle[i], sine[i], cosine[i]);
+  for (int i = 0; i < blocks * sine_block; ++i) far |= trigonometry::near_sine_cosine(angle[i], 0.0, sine[i], cosine[i]);
   if (far == 0) return;
   for (int i = 0; i < blocks * sine_block; ++i) sine_cosine(angle[i], sine[i], cosine[i]);
 }

@@ -1,0 +1,152 @@
+// Steps of the method's own size, across ticks: the state at a tick is read from the step that covers it. Steps start
+// anew only where the effort's bits or the state changed, so that the motion does not depend on how calls are cut.
+#pragma once
+
+#include <cmath>
+#include <cstring>
+#include <vector>
+
+#include "integrators.hpp"
+
+namespace planar_chain {
+
+// x^(1/n) for x >= 0, within 1 %: enough to choose a step, and the same bits on every machine, as libm's are not.
+inline double rough_root(double x, int n) {
+  if (!(x > 0.0)) return 0.0;
+  int exponent;
+  const double m = std::frexp(x, &exponent);               // x = m 2^e, 1/2 <= m < 1
+  const double t = 2.0 * m - 1.0;                          // log2(1 + t) = t + 0.34 t (1 - t) within 0.008
+  const double power = (exponent - 1 + t + 0.34 * t * (1.0 - t)) / n;
+  const double whole = std::floor(power), part = power - whole;
+  return std::ldexp(1.0 + part * (0.6565 + 0.3435 * part), static_cast<int>(whole));  // 2^part within 0.2 %
+}
+
+class AdaptiveStep : public Integrator {
+ public:
+  AdaptiveStep(const JointForces& forces, int joints, double tick_length)
+      : forces_(forces), tick_length_(tick_length), running_(joints), base_(joints), next_(joints) {}
+
+  Progress advance(double now, std::int64_t tick, std::int64_t ticks, JointState& state,
+                   const double* actuator) override {
+    prepare(now, state, actuator);
+    Progress progress;
+    while (progress.ticks < ticks) {
+      // With nothing to be looked at in between, go for the last tick that the present step covers.
+      std::int64_t covered = forces_.stops.empty() ? last_covered(tick, ticks) : progress.ticks + 1;
+      if (covers((tick + covered) * tick_length_) && covered > progress.ticks) {
+        read_at((tick + covered) * tick_length_, next_);
+        progress.joint = forces_.beyond_stop(next_.position.data());
+        if (progress.joint >= 0) {
+          progress.outcome = Outcome::beyond_stop;
+          break;
+        }
+        std::swap(state, next_);
+        progress.ticks = covered;
+        continue;
+      }
+      progress.outcome = extend(progress.joint);
+      if (progress.outcome != Outcome::good) break;
+    }
+    return progress;
+  }
+
+  bool reach(double from, double time, JointState& state, const double* actuator, Progress& progress) override {
+    prepare(from, state, actuator);
+    while (progress.outcome == Outcome::good && !covers(time)) progress.outcome = extend(progress.joint);
+    if (progress.outcome != Outcome::good) return true;
+    read_at(time, next_);
+    progress.joint = forces_.beyond_stop(next_.position.data());
+    if (progress.joint >= 0) progress.outcome = Outcome::beyond_stop;
+    else std::swap(state, next_);
+    return true;
+  }
+
+  void forget() override { under_way_ = false; }
+
+  std::vector<double> save() const override {
+    std::vector<double> all = {under_way_ ? 1.0 : 0.0, origin_, from_, from_low_, length_, proposal_};
+    for (const auto* part : {&base_.position, &base_.velocity, &base_.position_remainder, &base_.velocity_remainder,
+                             &running_})
+      all.insert(all.end(), part->begin(), part->end());
+    return all;
+  }
+
+  void load(const std::vector<double>& all) override {
+    under_way_ = all[0] != 0.0, origin_ = all[1], from_ = all[2], from_low_ = all[3], length_ = all[4];
+    proposal_ = all[5];
+    const double* at = all.data() + 6;
+    for (auto* part : {&base_.position, &base_.velocity, &base_.position_remainder, &base_.velocity_remainder,
+                       &running_})
+      for (double& value : *part) value = *at++;
+    int joint;
+    if (under_way_ && length_ > 0.0) {
+      const Counts kept = counts;
+      const double length = length_, proposal = proposal_;
+      expand(base_, running_.data(), length_, proposal_, joint, true);
+      length_ = length, proposal_ = proposal, counts = kept;
+    }
+  }
+
+ protected:
+  // Prepares the step that starts at `base`. `length` comes in as what the last step proposed (0: none) and goes out as
+  // the length taken, `proposal` as what the next may try. `again`: take exactly `length`, which was accepted before.
+  virtual Outcome expand(const JointState& base, const double* actuator, double& length, double& proposal, int& joint,
+                         bool again) = 0;
+
+  // State at `offset` into the step that starts at `base`, as an unevaluated sum.
+  virtual void read(double offset, const JointState& base, JointState& out) const = 0;
+
+  const JointForces& forces_;
+
+ private:
+  void prepare(double now, const JointState& state, const double* actuator) {
+    if (under_way_ && std::memcmp(running_.data(), actuator, running_.size() * sizeof(double)) == 0) return;
+    std::memcpy(running_.data(), actuator, running_.size() * sizeof(double));
+    base_ = state;
+    origin_ = now, from_ = from_low_ = length_ = proposal_ = 0.0;
+    under_way_ = true;
+  }
+
+  bool covers(double time) const { return time - origin_ <= from_ + length_; }
+
+  // Largest k <= ticks with tick + k covered; may be negative.
+  std::int64_t last_covered(std::int64_t tick, std::int64_t ticks) const {
+    if (covers((tick + ticks) * tick_length_)) return ticks;
+    std::int64_t k = static_cast<std::int64_t>((origin_ + from_ + length_) / tick_length_) - tick + 1;
+    while (!covers((tick + k) * tick_length_)) --k;
+    return k;
+  }
+
+  void read_at(double time, JointState& out) const { read(((time - origin_) - from_) - from_low_, base_, out); }
+
+  // Goes on by one more step.
+  Outcome extend(int& joint) {
+    if (length_ > 0.0) {
+      read(length_, base_, next_);
+      joint = first_not_finite(next_);
+      if (joint >= 0) return Outcome::not_finite;
+      std::swap(base_, next_);
+      double sum, lost;
+      add_compensated(from_, from_low_, length_, sum, lost);
+      from_ = sum, from_low_ = lost;
+    }
+    double length = proposal_;
+    const Outcome outcome = expand(base_, running_.data(), length, proposal_, joint, false);
+    length_ = 0.0;
+    if (outcome != Outcome::good) return outcome;
+    if (!(from_ + length > from_)) return joint = 0, Outcome::stalled;
+    length_ = length;
+    ++counts.steps;
+    return Outcome::good;
+  }
+
+  const double tick_length_;
+  std::vector<double> running_;  // the effort of the steps under way
+  JointState base_, next_;       // the state at from_
+  double origin_ = 0.0;          // s, where steps began
+  double from_ = 0.0, from_low_ = 0.0, length_ = 0.0;  // s after origin_, where the present step starts; its length
+  double proposal_ = 0.0;
+  bool under_way_ = false;
+};
+
+}  // namespace planar_chain
