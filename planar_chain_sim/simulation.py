@@ -243,7 +243,8 @@ def rollout(chain: Chain, duration: float, step: float = 1e-3, method: str = 'au
 
 def whole_ticks(duration: float, step: float, name: str = 'duration') -> int:
     """`duration` / `step` where that is a whole number >= 0 up to rounding, else ValueError that calls it `name`."""
-    ticks = round(duration / step) if np.isfinite(duration) else -1
+    number = isinstance(duration, (int, float, np.integer, np.floating))
+    ticks = round(duration / step) if number and np.isfinite(duration) else -1
     if ticks < 0 or abs(ticks * step - duration) > 1e-9 * step + 4.0 * np.spacing(abs(duration)):
         raise ValueError(f'{name} is {duration!r} s, must be a whole number >= 0 of steps of {step!r} s')
     return ticks
