@@ -17,7 +17,7 @@
 #include "recursive.hpp"
 #include "rollout.hpp"
 #include "runge_kutta.hpp"
-#include "taylor.hpp"
+#include "taylor_recursive.hpp"
 #include "trigonometry.hpp"
 
 namespace py = pybind11;
@@ -133,7 +133,7 @@ std::unique_ptr<pc::Integrator> make_integrator(const MethodData& data, const pc
                                                 const pc::JointForces& forces, double step) {
   const int joints = chain.joint_count;
   if (data.family == "taylor")
-    return std::make_unique<pc::Taylor>(chain, forces, step, data.order, data.tolerance, data.fixed);
+    return std::make_unique<pc::TaylorRecursive>(chain, forces, step, data.order, data.tolerance, data.fixed);
   return std::make_unique<pc::ExplicitRungeKutta>(
       form, forces, joints, pc::ButcherTableau{static_cast<int>(data.b.size()), data.a, data.b}, step);
 }
