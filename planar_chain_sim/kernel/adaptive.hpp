@@ -2,7 +2,7 @@
 // anew only where the effort's bits or the state changed, so that the motion does not depend on how calls are cut.
 #pragma once
 
-#include <cmath>
+#include <cstdint>
 #include <cstring>
 #include <vector>
 
@@ -10,16 +10,30 @@
 
 namespace planar_chain {
 
-// x^(1/n) for x >= 0, within 1 %: enough to choose a step, and the same bits on every machine, as libm's are not.
-inline double rough_root(double x, int n) {
-  if (!(x > 0.0)) return 0.0;
-  int exponent;
-  const double m = std::frexp(x, &exponent);               // x = m 2^e, 1/2 <= m < 1
-  const double t = 2.0 * m - 1.0;                          // log2(1 + t) = t + 0.34 t (1 - t) within 0.008
-  const double power = (exponent - 1 + t + 0.34 * t * (1.0 - t)) / n;
-  const double whole = std::floor(power), part = power - whole;
-  return std::ldexp(1.0 + part * (0.6565 + 0.3435 * part), static_cast<int>(whole));  // 2^part within 0.2 %
+// log2 x within 0.01 for positive normal x, and 2^x within 0.3 %: enough to choose a step by, and unlike libm's the same
+// bits on every machine.
+inline double rough_log2(double x) {
+  std::uint64_t bits;
+  std::memcpy(&bits, &x, sizeof bits);
+  const int exponent = static_cast<int>(bits >> 52) - 1023;
+  bits = (bits & 0xFFFFFFFFFFFFFu) | 0x3FF0000000000000u;
+  double m;                                                // x = m 2^e, 1 <= m < 2
+  std::memcpy(&m, &bits, sizeof m);
+  return exponent + (m - 1.0) * (1.34 - 0.34 * (m - 1.0));
 }
+inline double rough_power_of_2(double x) {
+  if (!(x > -1000.0)) return 0.0;
+  if (x > 1000.0) x = 1000.0;
+  const int whole = static_cast<int>(x + 1024.0) - 1024;   // rounds down
+  const double part = x - whole;
+  const std::uint64_t bits = static_cast<std::uint64_t>(whole + 1023) << 52;
+  double power;
+  std::memcpy(&power, &bits, sizeof power);
+  return power * (1.0 + part * (0.6565 + 0.3435 * part));
+}
+
+// x^(1/n) for x >= 0, within 1 %.
+inline double rough_root(double x, int n) { return x > 0.0 ? rough_power_of_2(rough_log2(x) / n) : 0.0; }
 
 class AdaptiveStep : public Integrator {
  public:
@@ -31,9 +45,10 @@ class AdaptiveStep : public Integrator {
     prepare(now, state, actuator);
     Progress progress;
     while (progress.ticks < ticks) {
-      // With nothing to be looked at in between, go for the last tick that the present step covers.
-      std::int64_t covered = forces_.stops.empty() ? last_covered(tick, ticks) : progress.ticks + 1;
-      if (covers((tick + covered) * tick_length_) && covered > progress.ticks) {
+      std::int64_t covered = progress.ticks + 1;
+      if (covers((tick + covered) * tick_length_)) {
+        // With nothing to be looked at in between, go for the last tick that the present step covers.
+        if (forces_.stops.empty()) covered = last_covered(tick, ticks);
         read_at((tick + covered) * tick_length_, next_);
         progress.joint = forces_.beyond_stop(next_.position.data());
         if (progress.joint >= 0) {
@@ -109,7 +124,7 @@ class AdaptiveStep : public Integrator {
 
   bool covers(double time) const { return time - origin_ <= from_ + length_; }
 
-  // Largest k <= ticks with tick + k covered; may be negative.
+  // Largest k <= ticks with tick + k covered.
   std::int64_t last_covered(std::int64_t tick, std::int64_t ticks) const {
     if (covers((tick + ticks) * tick_length_)) return ticks;
     std::int64_t k = static_cast<std::int64_t>((origin_ + from_ + length_) / tick_length_) - tick + 1;

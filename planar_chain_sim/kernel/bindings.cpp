@@ -17,6 +17,7 @@
 #include "recursive.hpp"
 #include "rollout.hpp"
 #include "runge_kutta.hpp"
+#include "taylor_dense.hpp"
 #include "taylor_recursive.hpp"
 #include "trigonometry.hpp"
 
@@ -129,11 +130,28 @@ struct MethodData {
   double fixed = 0.0;      // s: an adaptive method takes steps of this length, to measure its order; 0: its own
 };
 
+template <int Links>
+std::unique_ptr<pc::Integrator> make_taylor_dense(const MethodData& data, const pc::Chain& chain,
+                                                  const pc::JointForces& forces, double step) {
+  if (chain.link_count() == Links)
+    return std::make_unique<pc::TaylorDense<Links>>(chain, forces, step, data.order, data.tolerance, data.fixed);
+  if constexpr (Links > 1) return make_taylor_dense<Links - 1>(data, chain, forces, step);
+  return nullptr;
+}
+
+std::unique_ptr<pc::Integrator> make_taylor(const MethodData& data, const pc::Chain& chain,
+                                            const pc::JointForces& forces, double step) {
+  bool turning = chain.link_count() <= 8 && !getenv("NODENSE");
+  for (int i = 1; i <= chain.link_count(); ++i)
+    turning = turning && chain.links[i].rotation >= 0 && chain.links[i].slide < 0;
+  if (turning) return make_taylor_dense<8>(data, chain, forces, step);
+  return std::make_unique<pc::TaylorRecursive>(chain, forces, step, data.order, data.tolerance, data.fixed);
+}
+
 std::unique_ptr<pc::Integrator> make_integrator(const MethodData& data, const pc::Chain& chain, pc::Form& form,
                                                 const pc::JointForces& forces, double step) {
   const int joints = chain.joint_count;
-  if (data.family == "taylor")
-    return std::make_unique<pc::TaylorRecursive>(chain, forces, step, data.order, data.tolerance, data.fixed);
+  if (data.family == "taylor") return make_taylor(data, chain, forces, step);
   return std::make_unique<pc::ExplicitRungeKutta>(
       form, forces, joints, pc::ButcherTableau{static_cast<int>(data.b.size()), data.a, data.b}, step);
 }

@@ -16,7 +16,7 @@ class Taylor : public AdaptiveStep {
   Taylor(const Chain& chain, const JointForces& forces, double tick_length, int order, double tolerance, double fixed)
       : AdaptiveStep(forces, chain.joint_count, tick_length), order_(order), joints_(chain.joint_count),
         velocity_(static_cast<std::size_t>(order + 1) * joints_), effort_(joints_), inverse_(order + 3),
-        tolerance_(tolerance), fixed_(fixed) {
+        log_tolerance_(rough_log2(tolerance)), fixed_(fixed) {
     for (int k = 1; k < order + 3; ++k) inverse_[k] = 1.0 / k;
   }
 
@@ -36,19 +36,25 @@ class Taylor : public AdaptiveStep {
     return length > 0.0 ? Outcome::good : Outcome::not_finite;
   }
 
-  // Horner's rule for the sums of velocity_k h^k and of velocity_(k-1) h^k / k.
+  // The sums of velocity_k h^k and of velocity_(k-1) h^k / k, even and odd terms apart: half the waiting of Horner's rule.
   void read(double offset, const JointState& base, JointState& out) const override {
+    const double square = offset * offset;
+    const int pairs = order_ / 2;
     for (int i = 0; i < joints_; ++i) {
-      double rate = 0.0, place = 0.0;
-      for (int k = order_; k >= 1; --k) {
-        const double v = velocity_[static_cast<std::size_t>(k) * joints_ + i];
-        rate = (rate + v) * offset;
-        place = (place + v * inverse_[k + 1]) * offset;
-      }
-      place = (place + base.velocity_remainder[i]) * offset;
-      add_compensated(base.position[i], base.position_remainder[i] + place, base.velocity[i] * offset, out.position[i],
+      const double* v = &velocity_[i];
+      double rate[2] = {}, place[2] = {};
+      const auto add = [&](int k, int parity) {
+        const double coefficient = v[static_cast<std::size_t>(k) * joints_];
+        rate[parity] = rate[parity] * square + coefficient;
+        place[parity] = place[parity] * square + coefficient * inverse_[k + 1];
+      };
+      if (order_ % 2 != 0) add(order_, 1);
+      for (int k = 2 * pairs; k >= 2; k -= 2) add(k, 0), add(k - 1, 1);
+      const double rise = (rate[1] + rate[0] * offset) * offset;
+      const double way = ((place[1] + place[0] * offset) * offset + base.velocity_remainder[i]) * offset;
+      add_compensated(base.position[i], base.position_remainder[i] + way, base.velocity[i] * offset, out.position[i],
                       out.position_remainder[i]);
-      add_compensated(base.velocity[i], base.velocity_remainder[i], rate, out.velocity[i], out.velocity_remainder[i]);
+      add_compensated(base.velocity[i], base.velocity_remainder[i], rise, out.velocity[i], out.velocity_remainder[i]);
     }
   }
 
@@ -59,23 +65,26 @@ class Taylor : public AdaptiveStep {
   std::vector<double> effort_, inverse_;  // inverse_[k] = 1 / k
 
  private:
+  static double larger(double a, double b) { return a > b ? a : b; }
+
   // Length at which the last two terms of positions and velocities are within tolerance * max(1, |value|).
   double step_length(const JointState& base) {
-    double last = 0.0, before = 0.0;
+    double last = 0.0, before = 0.0, nothing = 0.0;
     const double *v = velocity(order_), *u = v - joints_, *t = u - joints_;
     for (int i = 0; i < joints_; ++i) {
-      const double rate = std::fmax(1.0, std::fabs(base.velocity[i])), place = std::fmax(1.0, std::fabs(base.position[i]));
-      last = std::fmax(last, std::fmax(std::fabs(v[i]) / rate, std::fabs(u[i]) * inverse_[order_] / place));
-      before = std::fmax(before, std::fmax(std::fabs(u[i]) / rate, std::fabs(t[i]) * inverse_[order_ - 1] / place));
+      const double rate = 1.0 / larger(1.0, std::fabs(base.velocity[i]));
+      const double place = 1.0 / larger(1.0, std::fabs(base.position[i]));
+      last = larger(larger(std::fabs(v[i]) * rate, std::fabs(u[i]) * inverse_[order_] * place), last);
+      nothing += v[i] - v[i];  // a coefficient that is no number
+      before = larger(larger(std::fabs(u[i]) * rate, std::fabs(t[i]) * inverse_[order_ - 1] * place), before);
     }
-    if (!(last + before < 1e300)) return 0.0;
-    double length = 1e9;
-    if (last > 0.0) length = std::fmin(length, rough_root(tolerance_ / last, order_));
-    if (before > 0.0) length = std::fmin(length, rough_root(tolerance_ / before, order_ - 1));
-    return length;
+    if (!(last + before < 1e300) || nothing != 0.0) return 0.0;
+    const double a = (log_tolerance_ - rough_log2(larger(last, 1e-300))) * inverse_[order_];
+    const double b = (log_tolerance_ - rough_log2(larger(before, 1e-300))) * inverse_[order_ - 1];
+    return rough_power_of_2(a < b ? a : b);
   }
 
-  const double tolerance_, fixed_;
+  const double log_tolerance_, fixed_;
 };
 
 }  // namespace planar_chain
