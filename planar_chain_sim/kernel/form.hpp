@@ -3,13 +3,16 @@
 
 namespace planar_chain {
 
-class Form {
+template <class Real>
+class FormOf {
  public:
-  virtual ~Form() = default;
+  virtual ~FormOf() = default;
 
   // Joint accelerations from joint efforts that already contain every joint law. Returns -1, or the joint whose pivot
-  // vanished.
-  virtual int forward(const double* position, const double* velocity, const double* effort, double* acceleration) = 0;
+  // vanished; for several scenes in lanes always -1, and good() of the form tells which of them it holds for.
+  virtual int forward(const Real* position, const Real* velocity, const Real* effort, Real* acceleration) = 0;
 };
+
+using Form = FormOf<double>;
 
 }  // namespace planar_chain

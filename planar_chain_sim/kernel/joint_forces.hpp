@@ -4,6 +4,8 @@
 
 #include <vector>
 
+#include "lanes.hpp"
+
 namespace planar_chain {
 
 struct DampedJoint { int joint; double damping; };
@@ -20,21 +22,24 @@ struct JointForces {
   std::vector<StoppedJoint> stops;
 
   // tau += -d theta' - k (theta - theta_0) - tau_c sgn(theta')   (equations.md 4)
-  void add_passive(const double* position, const double* velocity, double* effort) const {
+  template <class Real>
+  void add_passive(const Real* position, const Real* velocity, Real* effort) const {
     for (const auto& law : dampers) effort[law.joint] -= law.damping * velocity[law.joint];
     for (const auto& law : springs) effort[law.joint] -= law.stiffness * (position[law.joint] - law.rest);
     for (const auto& law : frictions) {
-      const double rate = velocity[law.joint];
-      effort[law.joint] -= law.friction * static_cast<double>((rate > 0.0) - (rate < 0.0));
+      const Real rate = velocity[law.joint], one = 1.0, zero = 0.0;
+      effort[law.joint] -= law.friction * select(rate > zero, one, select(rate < zero, -one, zero));
     }
   }
 
   // The actuator gives at most its limit, to either side.
-  void clamp(double* effort) const {
+  template <class Real>
+  void clamp(Real* effort) const {
     for (const auto& law : limits) {
-      double& u = effort[law.joint];
-      if (u > law.limit) u = law.limit;
-      if (u < -law.limit) u = -law.limit;
+      Real& u = effort[law.joint];
+      const Real upper = law.limit, lower = -law.limit;
+      u = select(u > upper, upper, u);
+      u = select(u < lower, lower, u);
     }
   }
 

@@ -1,5 +1,6 @@
 // The O(n) recursion of equations.md 6: forward dynamics by 2x2 articulated masses, the rest by running sums.
-// World axes throughout; `perp` is the rotation by +90 degrees, multiplication by j.
+// World axes throughout; `perp` is the rotation by +90 degrees, multiplication by j. Written for one scene, Real =
+// double, and for several in lanes, Real = Lanes<n>.
 #pragma once
 
 #include <limits>
@@ -11,35 +12,48 @@
 
 namespace planar_chain {
 
-struct Vec {
-  double x = 0.0, y = 0.0;
+template <class Real>
+struct VecOf {
+  Real x = 0.0, y = 0.0;
 };
-inline Vec operator+(Vec a, Vec b) { return {a.x + b.x, a.y + b.y}; }
-inline Vec operator-(Vec a, Vec b) { return {a.x - b.x, a.y - b.y}; }
-inline Vec operator*(double s, Vec a) { return {s * a.x, s * a.y}; }
-inline double dot(Vec a, Vec b) { return a.x * b.x + a.y * b.y; }
-inline Vec perp(Vec a) { return {-a.y, a.x}; }
-inline Vec rotate(double x, double y, double cosine, double sine) {
+template <class Real>
+inline VecOf<Real> operator+(const VecOf<Real>& a, const VecOf<Real>& b) { return {a.x + b.x, a.y + b.y}; }
+template <class Real>
+inline VecOf<Real> operator-(const VecOf<Real>& a, const VecOf<Real>& b) { return {a.x - b.x, a.y - b.y}; }
+template <class Scale, class Real>
+inline VecOf<Real> operator*(const Scale& s, const VecOf<Real>& a) { return {s * a.x, s * a.y}; }
+template <class Real>
+inline Real dot(const VecOf<Real>& a, const VecOf<Real>& b) { return a.x * b.x + a.y * b.y; }
+template <class Real>
+inline VecOf<Real> perp(const VecOf<Real>& a) { return {-a.y, a.x}; }
+template <class Real>
+inline VecOf<Real> rotate(double x, double y, const Real& cosine, const Real& sine) {
   return {x * cosine - y * sine, x * sine + y * cosine};
 }
 
-struct Sym {  // symmetric 2x2 matrix
-  double xx = 0.0, xy = 0.0, yy = 0.0;
+template <class Real>
+struct SymOf {  // symmetric 2x2 matrix
+  Real xx = 0.0, xy = 0.0, yy = 0.0;
 };
-inline Vec operator*(const Sym& a, Vec v) { return {a.xx * v.x + a.xy * v.y, a.xy * v.x + a.yy * v.y}; }
-inline void subtract_outer(Sym& a, Vec u, Vec v) {  // a -= u v^T, which is symmetric where it is used
+template <class Real>
+inline VecOf<Real> operator*(const SymOf<Real>& a, const VecOf<Real>& v) {
+  return {a.xx * v.x + a.xy * v.y, a.xy * v.x + a.yy * v.y};
+}
+template <class Real>
+inline void subtract_outer(SymOf<Real>& a, const VecOf<Real>& u, const VecOf<Real>& v) {  // a -= u v^T = v u^T
   a.xx -= u.x * v.x;
   a.xy -= u.x * v.y;
   a.yy -= u.y * v.y;
 }
 
 // What links outboard of a joint add to the balance of its carrier.
-struct Outboard {
-  Sym articulated;                                  // B, then A
-  Vec coupling, bias;                               // h, q, the latter then b
-  double inertia = 0.0, torque = 0.0, scale = 0.0;  // I, t, what the pivot I is compared with
+template <class Real>
+struct OutboardOf {
+  SymOf<Real> articulated;                              // B, then A
+  VecOf<Real> coupling, bias;                           // h, q, the latter then b
+  Real inertia = 0.0, torque = 0.0, scale = 0.0;        // I, t, what the pivot I is compared with
 
-  void operator+=(const Outboard& other) {
+  void operator+=(const OutboardOf& other) {
     articulated.xx += other.articulated.xx;
     articulated.xy += other.articulated.xy;
     articulated.yy += other.articulated.yy;
@@ -49,51 +63,62 @@ struct Outboard {
 };
 
 // What a link carries during one evaluation; slot 0 is the base, at rest.
-struct LinkState {
-  double rate = 0.0;                                          // phi_i'
-  Vec moment;                                                 // X_i = m_i C_i
-  Vec lever;                                                  // R_i = rho~_i e^(j phi_i-)
-  Vec slide_axis;                                             // chi_i
-  Vec carried;                                                // k_i, the velocity terms of the joint point
-  Outboard branches;                                          // sum over children other than the next link
-  Vec turn_row, slide_row;                                    // kept for the way back: h, y / Delta
-  double turn_inverse = 0.0, turn_torque = 0.0;               // 1 / (I + I_a), t
-  double slide_inverse = 0.0;                                 // 1 / Delta
-  double slide_known = 0.0, slide_coupling = 0.0;             // nu / Delta, chi.h / Delta
-  Vec acceleration;                                           // a_i
-  double angular_acceleration = 0.0;                          // phi_i''
-  Vec force;                                                  // F_i, inverse dynamics alone
-  double torque_carried = 0.0;                                // P Q_phi, tau_i before its sign, inverse dynamics alone
+template <class Real>
+struct LinkStateOf {
+  Real rate = 0.0;                              // phi_i'
+  VecOf<Real> moment;                           // X_i = m_i C_i
+  VecOf<Real> lever;                            // R_i = rho~_i e^(j phi_i-)
+  VecOf<Real> slide_axis;                       // chi_i
+  VecOf<Real> carried;                          // k_i, the velocity terms of the joint point
+  OutboardOf<Real> branches;                    // sum over children other than the next link
+  VecOf<Real> turn_row, slide_row;              // kept for the way back: h, y / Delta
+  Real turn_inverse = 0.0, turn_torque = 0.0;   // 1 / (I + I_a), t
+  Real slide_inverse = 0.0;                     // 1 / Delta
+  Real slide_known = 0.0, slide_coupling = 0.0; // nu / Delta, chi.h / Delta
+  VecOf<Real> acceleration;                     // a_i
+  Real angular_acceleration = 0.0;              // phi_i''
+  VecOf<Real> force;                            // F_i, inverse dynamics alone
+  Real torque_carried = 0.0;                    // P Q_phi, tau_i before its sign, inverse dynamics alone
 };
 
 // A pivot at or below this fraction of its scale is no pivot: equations.md 7, "Guard".
 constexpr double singular_pivot = 100.0 * std::numeric_limits<double>::epsilon();
 
-class Recursion final : public Form {
+template <class Real>
+class RecursionOf final : public FormOf<Real> {
+  using Vec = VecOf<Real>;
+  using Sym = SymOf<Real>;
+  using Outboard = OutboardOf<Real>;
+  using LinkState = LinkStateOf<Real>;
+
  public:
-  explicit Recursion(const Chain& chain)
+  explicit RecursionOf(const Chain& chain)
       : chain_(chain), state_(chain.links.size()), angle_((chain.links.size() / sine_block + 1) * sine_block),
         sine_(angle_.size()), cosine_(angle_.size(), 1.0) {}
 
-  int forward(const double* position, const double* velocity, const double* effort, double* acceleration) override {
+  int forward(const Real* position, const Real* velocity, const Real* effort, Real* acceleration) override {
     return forward(position, nullptr, velocity, effort, acceleration);
   }
 
   // The same at position + remainder: angles that are known beyond double precision keep what they have.
-  int forward(const double* position, const double* remainder, const double* velocity, const double* effort,
-              double* acceleration) {
+  int forward(const Real* position, const Real* remainder, const Real* velocity, const Real* effort,
+              Real* acceleration) {
+    if constexpr (lanes_in<Real> > 1) good_ = -1;
     turn(position, velocity, remainder);
     const int singular = eliminate(position, velocity, effort);
     if (singular >= 0) return singular;
-    state_[0].acceleration = {-chain_.gravity_x, -chain_.gravity_y};
+    state_[0].acceleration = against_gravity();
     substitute(acceleration);
     return -1;
   }
 
+  // After forward() of several scenes: which of them have all their pivots. The numbers of the others mean nothing.
+  const Truth<Real>& good() const { return good_; }
+
   // After forward(), with its factors: what the joint efforts `effort` alone add to the accelerations, H x = effort.
-  void respond(const double* effort, double* acceleration) {
+  void respond(const Real* effort, Real* acceleration) {
     Vec bias;
-    double torque = 0.0;
+    Real torque = 0.0;
     for (int i = chain_.link_count(); i >= 1; --i) {
       const Link& link = chain_.links[i];
       LinkState& s = state_[i];
@@ -102,7 +127,7 @@ class Recursion final : public Form {
         s.branches = Outboard{};
       }
       const bool three = link.rotation < 0 || link.rotor > 0.0;
-      double reaction = 0.0;
+      Real reaction = 0.0;
       if (link.rotation >= 0) {
         reaction = link.sign * effort[link.rotation];
         torque += reaction;
@@ -111,12 +136,12 @@ class Recursion final : public Form {
         torque *= link.rotor * s.turn_inverse;
       }
       if (link.slide >= 0) {
-        const double nu = effort[link.slide] - dot(s.slide_axis, bias);
+        const Real nu = effort[link.slide] - dot(s.slide_axis, bias);
         s.slide_known = s.slide_inverse * nu;
         torque -= nu * s.slide_coupling;
         bias = bias + nu * s.slide_row;
       }
-      torque = (three ? torque : 0.0) - dot(perp(s.lever), bias) - reaction;
+      torque = (three ? torque : Real(0.0)) - dot(perp(s.lever), bias) - reaction;
       if (link.carrier != i - 1) {
         if (link.carrier != 0) {
           state_[link.carrier].branches.bias = state_[link.carrier].branches.bias + bias;
@@ -130,15 +155,15 @@ class Recursion final : public Form {
   }
 
   const Chain& chain() const { return chain_; }
-  double cosine(int link) const { return cosine_[link]; }
-  double sine(int link) const { return sine_[link]; }
-  double rate(int link) const { return state_[link].rate; }
+  Real cosine(int link) const { return cosine_[link]; }
+  Real sine(int link) const { return sine_[link]; }
+  Real rate(int link) const { return state_[link].rate; }
 
   // Efforts of the bare mechanism (armature in, joint laws out) for given accelerations: equations.md 6.1.
-  void inverse(const double* position, const double* velocity, const double* acceleration, bool gravity,
-               double* effort) {
+  void inverse(const Real* position, const Real* velocity, const Real* acceleration, bool gravity,
+               Real* effort) {
     turn(position, velocity);
-    state_[0].acceleration = gravity ? Vec{-chain_.gravity_x, -chain_.gravity_y} : Vec{};
+    state_[0].acceleration = gravity ? against_gravity() : Vec{};
     for (int i = 1; i <= chain_.link_count(); ++i) {
       place(i, position, velocity);
       accelerate(i, acceleration);
@@ -147,14 +172,23 @@ class Recursion final : public Form {
   }
 
   // Kinetic energy with armature, and potential energy of gravity: equations.md 6.1.
-  void energy(const double* position, const double* velocity, double& kinetic, double& potential);
+  void energy(const Real* position, const Real* velocity, Real& kinetic, Real& potential);
 
  private:
+  Vec against_gravity() const { return {-chain_.gravity_x, -chain_.gravity_y}; }
+
+  // A single scene ends where a pivot is none; of several the others go on.
+  bool stops_at(const Truth<Real>& pivot_is_one) {
+    if constexpr (lanes_in<Real> == 1) return !pivot_is_one;
+    good_ = good_ & pivot_is_one;
+    return false;
+  }
+
   // Absolute angles and rates by prefix sums, phi = P^T theta, and the unit vectors e^(j phi).
-  void turn(const double* position, const double* velocity, const double* remainder = nullptr) {
+  void turn(const Real* position, const Real* velocity, const Real* remainder = nullptr) {
     if (remainder != nullptr) return turn_beyond_double(position, velocity, remainder);
     const int n = chain_.link_count();
-    double angle = 0.0, rate = 0.0;
+    Real angle = 0.0, rate = 0.0;
     for (int i = 1; i <= n; ++i) {
       const Link& link = chain_.links[i];
       if (link.carrier != i - 1) angle = angle_[link.carrier], rate = state_[link.carrier].rate;
@@ -164,7 +198,9 @@ class Recursion final : public Form {
       }
       angle_[i] = angle, state_[i].rate = rate;
     }
-    if (n <= few_angles) {
+    if constexpr (lanes_in<Real> > 1) {
+      sine_cosine_each(&angle_[1], &sine_[1], &cosine_[1], n);
+    } else if (n <= few_angles) {
       for (int i = 1; i <= n; ++i) sine_cosine(angle_[i], sine_[i], cosine_[i]);
     } else {
       sine_cosine(angle_.data(), sine_.data(), cosine_.data(), static_cast<int>(angle_.size()) / sine_block);
@@ -172,13 +208,13 @@ class Recursion final : public Form {
   }
 
   // The same for angles position + remainder, summed with what rounding loses.
-  void turn_beyond_double(const double* position, const double* velocity, const double* remainder) {
+  void turn_beyond_double(const Real* position, const Real* velocity, const Real* remainder) {
     if (low_.empty()) low_.resize(angle_.size());
     for (int i = 1; i <= chain_.link_count(); ++i) {
       const Link& link = chain_.links[i];
-      double high = angle_[link.carrier], low = low_[link.carrier], rate = state_[link.carrier].rate;
+      Real high = angle_[link.carrier], low = low_[link.carrier], rate = state_[link.carrier].rate;
       if (link.rotation >= 0) {
-        const double turned = link.sign * position[link.rotation], sum = high + turned, back = sum - high;
+        const Real turned = link.sign * position[link.rotation], sum = high + turned, back = sum - high;
         low += ((high - (sum - back)) + (turned - back)) + link.sign * remainder[link.rotation];
         high = sum;
         rate += link.sign * velocity[link.rotation];
@@ -189,10 +225,10 @@ class Recursion final : public Form {
   }
 
   // Lever, slide axis, velocity terms and first moment of a link in world axes.
-  void place(int i, const double* position, const double* velocity) {
+  void place(int i, const Real* position, const Real* velocity) {
     const Link& link = chain_.links[i];
     LinkState& s = state_[i];
-    const double carrier_rate = state_[link.carrier].rate;
+    const Real carrier_rate = state_[link.carrier].rate;
     s.lever = rotate(link.offset_x, link.offset_y, cosine_[link.carrier], sine_[link.carrier]);
     if (link.slide >= 0) {
       s.slide_axis = rotate(link.axis_x, link.axis_y, cosine_[link.carrier], sine_[link.carrier]);
@@ -204,7 +240,7 @@ class Recursion final : public Form {
   }
 
   // Leaf to root. What a link hands on stays in registers where its carrier comes next, as all along a serial chain.
-  int eliminate(const double* position, const double* velocity, const double* effort) {
+  int eliminate(const Real* position, const Real* velocity, const Real* effort) {
     Outboard sum;
     for (int i = chain_.link_count(); i >= 1; --i) {
       const Link& link = chain_.links[i];
@@ -228,18 +264,18 @@ class Recursion final : public Form {
   }
 
   // Steps (1) to (3) of equations.md 6.2 for one link: `sum` over its children comes in, its own share goes out.
-  int eliminate(const Link& link, LinkState& s, const double* effort, Outboard& sum) const {
+  int eliminate(const Link& link, LinkState& s, const Real* effort, Outboard& sum) {
     Sym a = {link.mass + sum.articulated.xx, sum.articulated.xy, link.mass + sum.articulated.yy};
     Vec h = perp(s.moment) + sum.coupling;
     Vec b = sum.bias - (s.rate * s.rate) * s.moment;
-    double inertia = link.inertia + sum.inertia, torque = sum.torque, scale = link.inertia + sum.scale;
-    double reaction = 0.0;  // what the joint's own effort does to the carrier
+    Real inertia = link.inertia + sum.inertia, torque = sum.torque, scale = link.inertia + sum.scale;
+    Real reaction = 0.0;  // what the joint's own effort does to the carrier
     // Three components (h, I, t) go on to a carrier whose angle is the link's own or which a rotor couples to it.
     const bool three = link.rotation < 0 || link.rotor > 0.0;
 
     if (link.rotation >= 0) {  // (1) own angle
-      const double pivot = inertia + link.rotor;
-      if (!(pivot > singular_pivot * (scale + link.rotor))) return link.rotation;
+      const Real pivot = inertia + link.rotor;
+      if (stops_at(pivot > singular_pivot * (scale + link.rotor))) return link.rotation;
       reaction = link.sign * effort[link.rotation];
       torque += reaction;  // Q_phi = S tau
       s.turn_row = h;
@@ -249,7 +285,7 @@ class Recursion final : public Form {
       subtract_outer(a, h, g);
       b = b + torque * g;
       if (three) {  // equations.md 6.3, zeta = I_a / (I + I_a)
-        const double zeta = link.rotor * s.turn_inverse;
+        const Real zeta = link.rotor * s.turn_inverse;
         h = zeta * h;
         inertia *= zeta, torque *= zeta, scale *= zeta;
       }
@@ -257,15 +293,16 @@ class Recursion final : public Form {
 
     if (link.slide >= 0) {  // (2) slide
       const Vec y = a * s.slide_axis;
-      const double pivot = dot(s.slide_axis, y) + link.slide_armature;
-      if (!(pivot > singular_pivot * (link.outboard_mass + link.slide_armature))) return link.slide;
-      const double inverse = 1.0 / pivot;
-      const double nu = effort[link.slide] - dot(s.slide_axis, b);
+      const Real pivot = dot(s.slide_axis, y) + link.slide_armature;
+      const double least = singular_pivot * (link.outboard_mass + link.slide_armature);
+      if (stops_at(pivot > least)) return link.slide;
+      const Real inverse = 1.0 / pivot;
+      const Real nu = effort[link.slide] - dot(s.slide_axis, b);
       s.slide_inverse = inverse;
       s.slide_row = inverse * y;
       s.slide_known = inverse * nu;
       if (three) {
-        const double sigma = dot(s.slide_axis, h);
+        const Real sigma = dot(s.slide_axis, h);
         s.slide_coupling = sigma * inverse;
         inertia -= sigma * s.slide_coupling;
         torque -= nu * s.slide_coupling;
@@ -294,9 +331,9 @@ class Recursion final : public Form {
   }
 
   // Root to leaf: accelerations of joint point, slide and angle, the carrier's in registers along a serial chain.
-  void substitute(double* acceleration, bool moving = true) {
+  void substitute(Real* acceleration, bool moving = true) {
     Vec linear;
-    double angular = 0.0;
+    Real angular = 0.0;
     for (int i = 1; i <= chain_.link_count(); ++i) {
       const Link& link = chain_.links[i];
       LinkState& s = state_[i];
@@ -305,12 +342,12 @@ class Recursion final : public Form {
       if (moving) linear = linear + s.carried;
       linear = linear + angular * perp(s.lever);
       if (link.slide >= 0) {
-        const double slide = s.slide_known - dot(s.slide_row, linear) - s.slide_coupling * angular;
+        const Real slide = s.slide_known - dot(s.slide_row, linear) - s.slide_coupling * angular;
         linear = linear + slide * s.slide_axis;
         acceleration[link.slide] = slide;
       }
       if (link.rotation >= 0) {
-        const double turned = (s.turn_torque - dot(s.turn_row, linear) + link.rotor * angular) * s.turn_inverse;
+        const Real turned = (s.turn_torque - dot(s.turn_row, linear) + link.rotor * angular) * s.turn_inverse;
         acceleration[link.rotation] = link.sign * (turned - angular);
         angular = turned;
       }
@@ -319,7 +356,7 @@ class Recursion final : public Form {
   }
 
   // Inverse dynamics, root to leaf: a_i and what link i needs, F_i and Q_i, before its children are added.
-  void accelerate(int i, const double* acceleration) {
+  void accelerate(int i, const Real* acceleration) {
     const Link& link = chain_.links[i];
     LinkState& s = state_[i];
     const LinkState& p = state_[link.carrier];
@@ -332,7 +369,7 @@ class Recursion final : public Form {
   }
 
   // Inverse dynamics, leaf to root: F_i and tau_i = P Q_phi are complete, pass them on.
-  void balance(int i, const double* acceleration, double* effort) {
+  void balance(int i, const Real* acceleration, Real* effort) {
     const Link& link = chain_.links[i];
     const LinkState& s = state_[i];
     if (link.rotation >= 0)
@@ -349,11 +386,15 @@ class Recursion final : public Form {
 
   const Chain& chain_;
   std::vector<LinkState> state_;
-  std::vector<double> angle_, sine_, cosine_;  // phi_i, e^(j phi_i); slot 0 is the base, the last block is padded
-  std::vector<double> low_;                    // what phi_i is beyond double precision, where that is known
+  std::vector<Real> angle_, sine_, cosine_;  // phi_i, e^(j phi_i); slot 0 is the base, the last block is padded
+  std::vector<Real> low_;                    // what phi_i is beyond double precision, where that is known
+  Truth<Real> good_{};                       // lanes alone
 };
 
-inline void Recursion::energy(const double* position, const double* velocity, double& kinetic, double& potential) {
+using Recursion = RecursionOf<double>;
+
+template <class Real>
+void RecursionOf<Real>::energy(const Real* position, const Real* velocity, Real& kinetic, Real& potential) {
   turn(position, velocity);
   kinetic = potential = 0.0;
   std::vector<Vec> place_of(state_.size()), velocity_of(state_.size());  // r_i, v_i
@@ -364,7 +405,7 @@ inline void Recursion::energy(const double* position, const double* velocity, do
     const LinkState& p = state_[link.carrier];
     Vec w = p.rate * perp(s.lever);
     if (link.slide >= 0) {
-      const double rate = velocity[link.slide];
+      const Real rate = velocity[link.slide];
       w = w + rate * s.slide_axis;
       kinetic += 0.5 * link.slide_armature * rate * rate;
     }
@@ -373,7 +414,7 @@ inline void Recursion::energy(const double* position, const double* velocity, do
     velocity_of[i] = velocity_of[link.carrier] + w;  // (5.56)
     const Vec v = velocity_of[i];
     kinetic += 0.5 * link.mass * dot(v, v) + s.rate * dot(v, perp(s.moment)) + 0.5 * link.inertia * s.rate * s.rate;
-    potential -= dot({chain_.gravity_x, chain_.gravity_y}, link.mass * place_of[i] + s.moment);
+    potential += dot(against_gravity(), link.mass * place_of[i] + s.moment);
   }
 }
 

@@ -4,8 +4,8 @@
 #pragma once
 
 #include <cmath>
-#include <cstdint>
-#include <cstring>
+
+#include "lanes.hpp"
 
 namespace planar_chain {
 
@@ -21,50 +21,51 @@ constexpr double to_nearest = 0x1.8p52;  // adding it leaves no bits behind the 
 
 // Chebyshev fits on |r| <= pi/4, z = r^2: sin r = r + r z S(z), error 2e-20 z; cos r = 1 - z/2 + z^2 C(z), error
 // 2e-18 z^2. Summed in pairs (Estrin): half the waiting of Horner's scheme.
-inline double sine_series(double z) {
-  const double z2 = z * z;
+template <class Real>
+inline Real sine_series(const Real& z) {
+  const Real z2 = z * z;
   return (-0x1.5555555555555p-3 + z * 0x1.1111111110bb2p-7)
          + z2 * ((-0x1.a01a019e83816p-13 + z * 0x1.71de379654304p-19)
          + z2 * (-0x1.ae600aca92c64p-26 + z * 0x1.5e0b05bff20f2p-33));
 }
-inline double cosine_series(double z) {
-  const double z2 = z * z;
+template <class Real>
+inline Real cosine_series(const Real& z) {
+  const Real z2 = z * z;
   return (0x1.5555555555555p-5 + z * -0x1.6c16c16c16967p-10)
          + z2 * ((0x1.a01a019f4e9b4p-16 + z * -0x1.27e4fa17bf139p-22)
          + z2 * (0x1.1eeb68cd22f56p-29 + z * -0x1.907d8f29fe831p-37));
 }
 
-inline double with_sign(double value, std::uint64_t negative) {
-  std::uint64_t bits;
-  std::memcpy(&bits, &value, sizeof bits);
-  bits ^= negative << 63;
-  std::memcpy(&value, &bits, sizeof bits);
-  return value;
+// `negative`: 0 or 1.
+template <class Real>
+inline Real with_sign(const Real& value, const Bits<Real>& negative) {
+  return same_bits<Real>(same_bits<Bits<Real>>(value) ^ negative << 63);
 }
 
-// Angle + low, |low| small beside it, of at most most_quarters quarter turns; returns 1 if the angle is farther and the result is to be thrown away.
-inline int near_sine_cosine(double angle, double low, double& sine, double& cosine) {
-  const double shifted = angle * quarters_per_radian + to_nearest;
-  const double k = shifted - to_nearest;
+// Of angle + low, |low| small beside it, of at most most_quarters quarter turns; true where the angle is farther and
+// the result is to be thrown away.
+template <class Real>
+inline Truth<Real> near_sine_cosine(const Real& angle, const Real& low, Real& sine, Real& cosine) {
+  const Real shifted = angle * quarters_per_radian + to_nearest;
+  const Real k = shifted - to_nearest;
   // angle - k pi/2 = r + tail, |r| <= pi/4, |tail| < 2^-50, correct to 2^-99
-  const double first = angle - k * quarter_1;
-  const double second = k * quarter_2;
-  const double r = first - second;
-  const double back = first - r;
-  const double tail = ((first - (r + back)) + (back - second)) - k * quarter_3 + low;
+  const Real first = angle - k * quarter_1;
+  const Real second = k * quarter_2;
+  const Real r = first - second;
+  const Real back = first - r;
+  const Real tail = ((first - (r + back)) + (back - second)) - k * quarter_3 + low;
 
-  const double z = r * r;
-  const double half = 0.5 * z;
-  const double s = r + (r * z * sine_series(z) + tail * (1.0 - half));
-  const double c0 = 1.0 - half;
-  const double c = c0 + (z * z * cosine_series(z) + (((1.0 - c0) - half) - tail * (r - r * z * sixth)));
+  const Real z = r * r;
+  const Real half = 0.5 * z;
+  const Real s = r + (r * z * sine_series(z) + tail * (1.0 - half));
+  const Real c0 = 1.0 - half;
+  const Real c = c0 + (z * z * cosine_series(z) + (((1.0 - c0) - half) - tail * (r - r * z * sixth)));
 
-  std::uint64_t quarter;
-  std::memcpy(&quarter, &shifted, sizeof quarter);
-  const bool odd = quarter & 1;
-  sine = with_sign(odd ? c : s, quarter >> 1 & 1);
-  cosine = with_sign(odd ? s : c, (quarter + 1) >> 1 & 1);
-  return std::fabs(k) > most_quarters;  // NaN needs no other road: it stays NaN
+  const Bits<Real> quarter = same_bits<Bits<Real>>(shifted);
+  const Truth<Real> odd = (quarter & 1) != 0;
+  sine = with_sign<Real>(select(odd, c, s), quarter >> 1 & 1);
+  cosine = with_sign<Real>(select(odd, s, c), (quarter + 1) >> 1 & 1);
+  return k * k > most_quarters * most_quarters;  // NaN needs no other road: it stays NaN
 }
 
 }  // namespace trigonometry
@@ -77,7 +78,30 @@ inline void sine_cosine(double angle, double low, double& sine, double& cosine) 
   }
 }
 
-inline void sine_cosine(double angle, double& sine, double& cosine) { sine_cosine(angle, 0.0, sine, cosine); }
+template <int count>
+inline void sine_cosine(const Lanes<count>& angle, const Lanes<count>& low, Lanes<count>& sine, Lanes<count>& cosine) {
+  if (!any(trigonometry::near_sine_cosine(angle, low, sine, cosine))) return;
+  for (int i = 0; i < count; ++i) {
+    double s, c;
+    sine_cosine(lane(angle, i), lane(low, i), s, c);
+    set_lane(sine, i, s), set_lane(cosine, i, c);
+  }
+}
+
+template <class Real>
+inline void sine_cosine(const Real& angle, Real& sine, Real& cosine) {
+  sine_cosine(angle, Real(0.0), sine, cosine);
+}
+
+// The same for `count` angles, where few are far.
+template <class Real>
+inline void sine_cosine_each(const Real* __restrict angle, Real* __restrict sine, Real* __restrict cosine, int count) {
+  Truth<Real> far = false;
+  for (int i = 0; i < count; ++i)
+    far |= trigonometry::near_sine_cosine(angle[i], Real(0.0), sine[i], cosine[i]);
+  if (!any(far)) return;
+  for (int i = 0; i < count; ++i) sine_cosine(angle[i], sine[i], cosine[i]);
+}
 
 // The same for `blocks` times 8 angles, with the machine's widest vectors; without contraction that changes no bit.
 constexpr int sine_block = 8;
@@ -87,7 +111,8 @@ __attribute__((target_clones("avx2", "default")))
 inline void sine_cosine(const double* __restrict angle, double* __restrict sine, double* __restrict cosine,
                         int blocks) {
   int far = 0;
-  for (int i = 0; i < blocks * sine_block; ++i) far |= trigonometry::near_sine_cosine(angle[i], 0.0, sine[i], cosine[i]);
+  for (int i = 0; i < blocks * sine_block; ++i)
+    far |= trigonometry::near_sine_cosine(angle[i], 0.0, sine[i], cosine[i]);
   if (far == 0) return;
   for (int i = 0; i < blocks * sine_block; ++i) sine_cosine(angle[i], sine[i], cosine[i]);
 }
