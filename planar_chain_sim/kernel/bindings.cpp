@@ -130,21 +130,23 @@ struct MethodData {
   double fixed = 0.0;      // s: an adaptive method takes steps of this length, to measure its order; 0: its own
 };
 
-template <int Links>
+template <int Vectors>
 std::unique_ptr<pc::Integrator> make_taylor_dense(const MethodData& data, const pc::Chain& chain,
-                                                  const pc::JointForces& forces, double step) {
-  if (chain.link_count() == Links)
-    return std::make_unique<pc::TaylorDense<Links>>(chain, forces, step, data.order, data.tolerance, data.fixed);
-  if constexpr (Links > 1) return make_taylor_dense<Links - 1>(data, chain, forces, step);
+                                                  const pc::JointForces& forces, double step, bool slides) {
+  if (chain.joint_count == Vectors) {
+    if (slides)
+      return std::make_unique<pc::TaylorDense<Vectors, true>>(chain, forces, step, data.order, data.tolerance, data.fixed);
+    return std::make_unique<pc::TaylorDense<Vectors, false>>(chain, forces, step, data.order, data.tolerance, data.fixed);
+  }
+  if constexpr (Vectors > 1) return make_taylor_dense<Vectors - 1>(data, chain, forces, step, slides);
   return nullptr;
 }
 
 std::unique_ptr<pc::Integrator> make_taylor(const MethodData& data, const pc::Chain& chain,
                                             const pc::JointForces& forces, double step) {
-  bool turning = chain.link_count() <= 8 && !getenv("NODENSE");
-  for (int i = 1; i <= chain.link_count(); ++i)
-    turning = turning && chain.links[i].rotation >= 0 && chain.links[i].slide < 0;
-  if (turning) return make_taylor_dense<8>(data, chain, forces, step);
+  bool slides = false;
+  for (const pc::Link& link : chain.links) slides = slides || link.slide >= 0;
+  if (chain.joint_count <= 8 && !getenv("NODENSE")) return make_taylor_dense<8>(data, chain, forces, step, slides);
   return std::make_unique<pc::TaylorRecursive>(chain, forces, step, data.order, data.tolerance, data.fixed);
 }
 
