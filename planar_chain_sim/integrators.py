@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import ceil, log
+from math import log10
 from typing import Optional
 
 DEFAULT_TOLERANCE = 1e-9
@@ -40,9 +40,14 @@ METHODS = {method.name: method for method in (
                      'the square root of time'),
 )}
 
-AUTO = 'rk4'
+AUTO = 'taylor'
 
 
 def taylor_order(tolerance: float) -> int:
-    """Order of the series for a tolerance: Jorba and Zou (2005), p = 1 + ln(1/tolerance) / 2."""
-    return max(4, ceil(1.0 - 0.5 * log(tolerance)))
+    """
+    Order of the series for a tolerance.
+
+    Jorba and Zou (2005) take p = 1 + ln(1/tolerance) / 2. Here an order costs little beside the start of a step, so
+    that higher orders and longer steps are cheaper: 10 + 0.8 per digit, by measurement on chains of 2 to 7 joints.
+    """
+    return min(24, max(8, round(10.0 - 0.8 * log10(tolerance))))

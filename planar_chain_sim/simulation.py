@@ -117,7 +117,7 @@ class Simulation:
     @property
     def plan(self) -> str:
         """What this scene needs and what is skipped, the method and form chosen and why, on one line."""
-        why = ' (auto: fixed step, nothing adaptive in this version)' if self._asked == 'auto' else ''
+        why = ' (auto: the least work at every tolerance)' if self._asked == 'auto' else ''
         order = self._row.order or f'{taylor_order(self.tolerance)} for tolerance {self.tolerance:g}'
         return (f'{plan_of(self.chain)}; method {self.method}{why}, order {order}, tick {self.step:g} s; '
                 f'form {self.form}')
@@ -191,7 +191,7 @@ class Simulation:
         if tick > self._tick:
             self.advance(tick - self._tick, effort)
         if between:
-            stopped = self._stepper.reach(self.time, float(time), effort)
+            stopped = self._stepper.reach(self.time, self._tick, float(time), effort)
             if stopped:
                 raise self._error(*stopped)
             self._between = float(time)

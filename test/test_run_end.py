@@ -12,7 +12,7 @@ from planar_chain_sim.chain import Body, Chain, Joint
 def test_a_run_away_state_stops_at_the_last_good_one():
     """A step far beyond what RK4 can hold: the energy explodes, and the state kept is the one before infinity."""
     chain = one_joint(inertia=1.0, stiffness=1e4, position=1.0)
-    simulation, same = pcs.Simulation(chain, step=0.1), pcs.Simulation(chain, step=0.1)
+    simulation, same = pcs.Simulation(chain, 'rk4', 0.1), pcs.Simulation(chain, 'rk4', 0.1)
     with pytest.raises(pcs.SimulationError, match="joint 'joint' of one at tick .*ran away") as caught:
         simulation.advance(100_000)
     error = caught.value
@@ -30,7 +30,7 @@ def test_a_run_away_state_stops_at_the_last_good_one():
     ({'stiffness': 1e4}, 1e-3, 1.7e304, 1.2e306),         # the spring does, in the last stage: the velocity alone
 ])
 def test_either_half_of_the_state_can_run_away(laws, step, position, velocity):
-    simulation = pcs.Simulation(one_joint(inertia=1.0, **laws), step=step)
+    simulation = pcs.Simulation(one_joint(inertia=1.0, **laws), 'rk4', step)
     simulation.set_state([position], [velocity])
     with pytest.raises(pcs.SimulationError, match="joint 'joint' of one at tick 0, .*ran away"):
         simulation.advance(1)
@@ -44,7 +44,7 @@ def test_a_run_away_is_not_taken_for_a_singular_configuration(first):
     simulation = pcs.Simulation(Chain('arm', 0j, (
         Body('arm', -1, 0j, 0.0, 1.0, 0.5 + 0j, 1.0, 0.75, None, Joint('turn', 'rotation', 1.0, **laws['turn'])),
         Body('hand', 0, 1 + 0j, 0.0, 1.0, 0.5 + 0j, 1.0, 0.75, Joint('slide', 'slide', 0.0, **laws['slide']),
-             Joint('wrist', 'rotation', 1.0)))), step=0.1)
+             Joint('wrist', 'rotation', 1.0)))), 'rk4', 0.1)
     with pytest.raises(pcs.SimulationError, match='of arm at tick .*ran away'):
         simulation.advance(100_000)
 

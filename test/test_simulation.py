@@ -65,7 +65,7 @@ def test_damped_spring_follows_the_closed_form(kind):
     inertia = {'rotation': 0.5, 'slide': 2.0}[kind] + 0.25
     d, k, rest, position, velocity, effort = 0.3, 8.0, 0.4, 1.1, -0.7, 0.9
     chain = one_joint(kind, armature=0.25, damping=d, stiffness=k, rest=rest, position=position, velocity=velocity)
-    run = pcs.rollout(chain, 3.0, 1e-3, effort=[effort])
+    run = pcs.rollout(chain, 3.0, 1e-3, 'rk4', effort=[effort])
     decay, middle = d / (2 * inertia), rest + effort / k
     omega = np.sqrt(k / inertia - decay**2)
     start = position - middle
@@ -84,7 +84,7 @@ def test_energy_of_a_free_arm_is_conserved_to_the_order_of_the_method():
             (1, 0.2j, None)])))
     drifts = []
     for step in (2e-3, 1e-3):
-        energy = total_energy(chain, pcs.rollout(chain, 2.0, step))
+        energy = total_energy(chain, pcs.rollout(chain, 2.0, step, 'rk4'))
         drifts.append(np.abs(energy - energy[0]).max() / np.ptp([invariants.energy(chain, q, v)[1] for q, v in [
             (np.zeros(5), np.zeros(5)), (np.ones(5), np.zeros(5))]]))
     assert drifts[1] < 2e-10                  # round-off alone would be 1e-14: this is 130 h^4 and says so below
@@ -112,7 +112,7 @@ def test_energy_over_a_driven_damped_run_is_the_work_done():
     """E(t) - E(0) = integral of effort . velocity - dissipation, by Simpson's rule on the ticks."""
     chain = random_tree(11, bodies=4)
     effort = np.linspace(-1.0, 1.0, chain.joint_count)
-    run = pcs.rollout(chain, 1.0, 1e-3, effort=effort)
+    run = pcs.rollout(chain, 1.0, 1e-3, 'rk4', effort=effort)
     power = np.array([effort @ v - invariants.dissipated_power(chain, q, v)
                       for q, v in zip(run.position, run.velocity)])
     work = (power[0] + power[-1] + 4 * power[1:-1:2].sum() + 2 * power[2:-1:2].sum()) * 1e-3 / 3

@@ -13,7 +13,7 @@ from planar_chain_sim.simulation import whole_ticks
 
 
 def test_time_is_ticks_times_step_and_advance_to_lands_on_it():
-    simulation = pcs.Simulation(uniform_rods(1), step=1e-3)
+    simulation = pcs.Simulation(uniform_rods(1), 'rk4', 1e-3)
     simulation.advance_to(5.0)
     assert (simulation.tick, simulation.time) == (5000, 5.0)
     for bad, message in [(4.0, 'must not lie before'), (5.0005, 'time is 5.0005 s, must be a whole number'),
@@ -94,8 +94,8 @@ def test_the_plan_says_what_is_used_and_skipped_and_merged():
     rods = pcs.Simulation(uniform_rods(4))
     assert rods.plan == (
         '4 links, 4 joints, O(n) recursion; uses gravity; skips slides, branches, armature, damping, spring, friction, '
-        'effort limits, stops; method rk4 (auto: fixed step, nothing adaptive in this version), order 4, tick 0.001 s; '
-        'form recursive')
+        'effort limits, stops; method taylor (auto: the least work at every tolerance), order 17 for tolerance 1e-09, '
+        'tick 0.001 s; form recursive')
     laws = {'damping': 1.0, 'stiffness': 1.0, 'friction': 1.0, 'armature': 1.0, 'effort_limit': 1.0, 'lower': 0.0}
     everything = Chain('all', 1 + 0j, (
         Body('b', -1, 0j, 0.0, 1.0, 0j, 1.0, 1.0, Joint('s', 'slide', 0.0, **laws), None),

@@ -42,14 +42,14 @@ class AdaptiveStep : public Integrator {
 
   Progress advance(double now, std::int64_t tick, std::int64_t ticks, JointState& state,
                    const double* actuator) override {
-    prepare(now, state, actuator);
+    prepare(now, tick, state, actuator);
     Progress progress;
     while (progress.ticks < ticks) {
       std::int64_t covered = progress.ticks + 1;
-      if (covers((tick + covered) * tick_length_)) {
+      if (covers(since_origin(tick + covered))) {
         // With nothing to be looked at in between, go for the last tick that the present step covers.
         if (forces_.stops.empty()) covered = last_covered(tick, ticks);
-        read_at((tick + covered) * tick_length_, next_);
+        read_at(since_origin(tick + covered), next_);
         progress.joint = forces_.beyond_stop(next_.position.data());
         if (progress.joint >= 0) {
           progress.outcome = Outcome::beyond_stop;
@@ -65,11 +65,13 @@ class AdaptiveStep : public Integrator {
     return progress;
   }
 
-  bool reach(double from, double time, JointState& state, const double* actuator, Progress& progress) override {
-    prepare(from, state, actuator);
-    while (progress.outcome == Outcome::good && !covers(time)) progress.outcome = extend(progress.joint);
+  bool reach(double now, std::int64_t tick, double time, JointState& state, const double* actuator,
+             Progress& progress) override {
+    prepare(now, tick, state, actuator);
+    const double wanted = time - origin_ * tick_length_ - origin_offset_;
+    while (progress.outcome == Outcome::good && !covers(wanted)) progress.outcome = extend(progress.joint);
     if (progress.outcome != Outcome::good) return true;
-    read_at(time, next_);
+    read_at(wanted, next_);
     progress.joint = forces_.beyond_stop(next_.position.data());
     if (progress.joint >= 0) progress.outcome = Outcome::beyond_stop;
     else std::swap(state, next_);
@@ -79,7 +81,8 @@ class AdaptiveStep : public Integrator {
   void forget() override { under_way_ = false; }
 
   std::vector<double> save() const override {
-    std::vector<double> all = {under_way_ ? 1.0 : 0.0, origin_, from_, from_low_, length_, proposal_};
+    std::vector<double> all = {
+        under_way_ ? 1.0 : 0.0, static_cast<double>(origin_), origin_offset_, from_, from_low_, length_, proposal_};
     for (const auto* part : {&base_.position, &base_.velocity, &base_.position_remainder, &base_.velocity_remainder,
                              &running_})
       all.insert(all.end(), part->begin(), part->end());
@@ -87,9 +90,9 @@ class AdaptiveStep : public Integrator {
   }
 
   void load(const std::vector<double>& all) override {
-    under_way_ = all[0] != 0.0, origin_ = all[1], from_ = all[2], from_low_ = all[3], length_ = all[4];
-    proposal_ = all[5];
-    const double* at = all.data() + 6;
+    under_way_ = all[0] != 0.0, origin_ = static_cast<std::int64_t>(all[1]), origin_offset_ = all[2];
+    from_ = all[3], from_low_ = all[4], length_ = all[5], proposal_ = all[6];
+    const double* at = all.data() + 7;
     for (auto* part : {&base_.position, &base_.velocity, &base_.position_remainder, &base_.velocity_remainder,
                        &running_})
       for (double& value : *part) value = *at++;
@@ -114,25 +117,31 @@ class AdaptiveStep : public Integrator {
   const JointForces& forces_;
 
  private:
-  void prepare(double now, const JointState& state, const double* actuator) {
+  void prepare(double now, std::int64_t tick, const JointState& state, const double* actuator) {
     if (under_way_ && std::memcmp(running_.data(), actuator, running_.size() * sizeof(double)) == 0) return;
     std::memcpy(running_.data(), actuator, running_.size() * sizeof(double));
     base_ = state;
-    origin_ = now, from_ = from_low_ = length_ = proposal_ = 0.0;
+    origin_ = tick, origin_offset_ = now - static_cast<double>(tick) * tick_length_;
+    from_ = from_low_ = length_ = proposal_ = 0.0;
     under_way_ = true;
   }
 
-  bool covers(double time) const { return time - origin_ <= from_ + length_; }
+  // Times are counted from where steps began, in whole ticks: a motion does not depend on when it happens.
+  double since_origin(std::int64_t tick) const {
+    return static_cast<double>(tick - origin_) * tick_length_ - origin_offset_;
+  }
+
+  bool covers(double time) const { return time <= from_ + length_; }
 
   // Largest k <= ticks with tick + k covered.
   std::int64_t last_covered(std::int64_t tick, std::int64_t ticks) const {
-    if (covers((tick + ticks) * tick_length_)) return ticks;
-    std::int64_t k = static_cast<std::int64_t>((origin_ + from_ + length_) / tick_length_) - tick + 1;
-    while (!covers((tick + k) * tick_length_)) --k;
+    if (covers(since_origin(tick + ticks))) return ticks;
+    std::int64_t k = static_cast<std::int64_t>((origin_offset_ + from_ + length_) / tick_length_) + origin_ - tick + 1;
+    while (!covers(since_origin(tick + k))) --k;
     return k;
   }
 
-  void read_at(double time, JointState& out) const { read(((time - origin_) - from_) - from_low_, base_, out); }
+  void read_at(double time, JointState& out) const { read((time - from_) - from_low_, base_, out); }
 
   // Goes on by one more step.
   Outcome extend(int& joint) {
@@ -158,8 +167,9 @@ class AdaptiveStep : public Integrator {
   const double tick_length_;
   std::vector<double> running_;  // the effort of the steps under way
   JointState base_, next_;       // the state at from_
-  double origin_ = 0.0;          // s, where steps began
-  double from_ = 0.0, from_low_ = 0.0, length_ = 0.0;  // s after origin_, where the present step starts; its length
+  std::int64_t origin_ = 0;      // tick at or behind which steps began
+  double origin_offset_ = 0.0;   // s, how far behind
+  double from_ = 0.0, from_low_ = 0.0, length_ = 0.0;  // s from there, where the present step starts; its length
   double proposal_ = 0.0;
   bool under_way_ = false;
 };

@@ -128,25 +128,32 @@ struct MethodData {
   std::vector<double> a, b;
   double tolerance = 0.0;  // adaptive methods
   double fixed = 0.0;      // s: an adaptive method takes steps of this length, to measure its order; 0: its own
+  bool dense = true;       // whether a short chain's series is unrolled
 };
 
-template <int Vectors>
+// The first of `Sizes`, rising, that the chain fits into; null if it is larger than all.
+template <bool Slides, int... Sizes>
 std::unique_ptr<pc::Integrator> make_taylor_dense(const MethodData& data, const pc::Chain& chain,
-                                                  const pc::JointForces& forces, double step, bool slides) {
-  if (chain.joint_count == Vectors) {
-    if (slides)
-      return std::make_unique<pc::TaylorDense<Vectors, true>>(chain, forces, step, data.order, data.tolerance, data.fixed);
-    return std::make_unique<pc::TaylorDense<Vectors, false>>(chain, forces, step, data.order, data.tolerance, data.fixed);
-  }
-  if constexpr (Vectors > 1) return make_taylor_dense<Vectors - 1>(data, chain, forces, step, slides);
-  return nullptr;
+                                                  const pc::JointForces& forces, double step) {
+  std::unique_ptr<pc::Integrator> made;
+  const auto make = [&](auto size) {
+    constexpr int vectors = decltype(size)::value;
+    if (made == nullptr && chain.joint_count <= vectors)
+      made = std::make_unique<pc::TaylorDense<vectors, Slides>>(chain, forces, step, data.order, data.tolerance, data.fixed);
+  };
+  (make(std::integral_constant<int, Sizes>{}), ...);
+  return made;
 }
 
 std::unique_ptr<pc::Integrator> make_taylor(const MethodData& data, const pc::Chain& chain,
                                             const pc::JointForces& forces, double step) {
-  bool slides = false;
-  for (const pc::Link& link : chain.links) slides = slides || link.slide >= 0;
-  if (chain.joint_count <= 8 && !getenv("NODENSE")) return make_taylor_dense<8>(data, chain, forces, step, slides);
+  if (data.dense) {
+    bool slides = false;
+    for (const pc::Link& link : chain.links) slides = slides || link.slide >= 0;
+    auto dense = slides ? make_taylor_dense<true, 2, 4, 6, 8>(data, chain, forces, step)
+                        : make_taylor_dense<false, 1, 2, 3, 4, 6, 8>(data, chain, forces, step);
+    if (dense != nullptr) return dense;
+  }
   return std::make_unique<pc::TaylorRecursive>(chain, forces, step, data.order, data.tolerance, data.fixed);
 }
 
@@ -214,12 +221,12 @@ class Stepper {
     return py::make_tuple(progress.ticks, static_cast<int>(progress.outcome), progress.joint);
   }
 
-  // Goes on from `from` to `time`, s, under the effort held; None when done, (outcome, joint) where it stopped before.
-  py::object reach(double from, double time, const Array& effort) {
+  // Goes on from `now`, at `tick` or behind it, to `time`, s, under the effort held; None when done, (outcome, joint) where it stopped before.
+  py::object reach(double now, std::int64_t tick, double time, const Array& effort) {
     std::copy(effort.data(), effort.data() + effort.size(), latched_.begin());
     forces_.clamp(latched_.data());
     pc::Progress progress;
-    integrator_->reach(from, time, state_, latched_.data(), progress);
+    integrator_->reach(now, tick, time, state_, latched_.data(), progress);
     if (progress.outcome != pc::Outcome::good)
       return py::make_tuple(static_cast<int>(progress.outcome), progress.joint);
     effort_ = latched_;
@@ -307,9 +314,9 @@ PYBIND11_MODULE(_kernel, module) {
 
   py::class_<MethodData>(module, "MethodData")
       .def(py::init([](std::string family, int order, std::vector<double> a, std::vector<double> b, double tolerance,
-                       double fixed) { return MethodData{family, order, a, b, tolerance, fixed}; }),
+                       double fixed, bool dense) { return MethodData{family, order, a, b, tolerance, fixed, dense}; }),
            py::arg("family"), py::arg("order"), py::arg("a"), py::arg("b"), py::arg("tolerance"),
-           py::arg("fixed") = 0.0);
+           py::arg("fixed") = 0.0, py::arg("dense") = true);
 
   py::class_<Stepper>(module, "Stepper")
       .def(py::init<const Model&, const MethodData&, double>(), py::keep_alive<1, 2>())

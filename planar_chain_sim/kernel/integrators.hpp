@@ -66,7 +66,8 @@ class Integrator {
                            const double* actuator) = 0;
 
   // Moves `state` on to `time`, which may lie between ticks; false if the method cannot.
-  virtual bool reach(double /*from*/, double /*time*/, JointState&, const double* /*actuator*/, Progress&) {
+  virtual bool reach(double /*now*/, std::int64_t /*tick*/, double /*time*/, JointState&, const double* /*actuator*/,
+                     Progress&) {
     return false;
   }
 

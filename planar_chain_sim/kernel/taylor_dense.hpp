@@ -28,8 +28,8 @@ typedef double Quad __attribute__((vector_size(32), aligned(32), may_alias));
 template <int Width> struct VectorOf { using type = Quad; };
 template <> struct VectorOf<2> { using type = Two; };
 
-// `Vectors`: joints of the chain; unknowns and vectors have the same numbers, links that turn first. `Slides`: whether
-// any joint slides.
+// `Vectors`: at least the joints of the chain; unknowns and vectors have the same numbers, links that turn first, then
+// slides, then idle ones that make the number up: uncoupled, of unit inertia, at rest. `Slides`: whether any joint slides.
 template <int Vectors, bool Slides>
 class DenseSeries {
  public:
@@ -55,9 +55,9 @@ class DenseSeries {
   };
 
   // Constants of the chain.
-  int turning = Vectors;                      // unknowns that are angles
-  int carrier[Vectors];                       // the angle that carries, -1: base
-  int pivot_order[Vectors];                   // from the leaves
+  int turning = 0, joints = 0;                // unknowns that are angles; angles and slides
+  int carrier[Vectors] = {};                  // the angle that carries, -1: base
+  int pivot_order[Vectors] = {};              // from the leaves
   Row coupling_x[Vectors], coupling_y[Vectors];  // Re B_ij, Im B_ij: a row for each j, lanes i
   Row weight_x, weight_y;                     // -conj(C_i) g
   Row inertia[Vectors];                       // of H what does not change
@@ -80,26 +80,26 @@ class DenseSeries {
       }
     if constexpr (Slides)
       for (int b = 0; b < Vectors; ++b)
-        for (int w = turning; w < Vectors; ++w) {
+        for (int w = turning; w < joints; ++w) {
           if (carrier[w] >= 0) arm_x[b].of[carrier[w]] += arm_x[b].of[w], arm_y[b].of[carrier[w]] += arm_y[b].of[w];
           const double bx = coupling_x[b].of[w], by = coupling_y[b].of[w], x = unit_x[0].of[w], y = unit_y[0].of[w];
           arm_x[b].of[w] = x * bx + y * by, arm_y[b].of[w] = y * bx - x * by;
         }
     for (int j = 0; j < Vectors; ++j)  // H, column by column
       for (int p = 0; p < parts; ++p) {
-        const bool slides = Slides && j >= turning;
+        const bool slides = Slides && j >= turning && j < joints;
         const double x = slides ? unit_x[0].of[j] : -unit_y[0].of[j], y = slides ? unit_y[0].of[j] : unit_x[0].of[j];
         inverse_[j](p) = inertia[j](p) + (arm_x[j](p) * x + arm_y[j](p) * y);
       }
     if constexpr (Slides)
-      for (int w = turning; w < Vectors; ++w)
+      for (int w = turning; w < joints; ++w)
         if (const int j = carrier[w]; j >= 0)
           for (int p = 0; p < parts; ++p)
             inverse_[j](p) += arm_y[w](p) * vector_x[0].of[w] - arm_x[w](p) * vector_y[0].of[w];
 
     Row scale;
     for (int i = 0; i < Vectors; ++i) scale.of[i] = inverse_[i].of[i];
-    for (int l = 0; l < Vectors; ++l) {  // Gauss and Jordan: the pivots are those of L D L^T, equations.md 6.2
+    for (int l = 0; l < joints; ++l) {  // Gauss and Jordan: the pivots are those of L D L^T, equations.md 6.2
       const int k = pivot_order[l];
       const double pivot = inverse_[k].of[k];
       if (!(pivot > 100.0 * 2.220446049250313e-16 * scale.of[k])) return k;
@@ -181,7 +181,7 @@ class DenseSeries {
   __attribute__((always_inline)) inline void slide_known(int k, const Row& turn_x, const Row& turn_y, Row& bend_x,
                                                          Row& bend_y, Row& balance) {
     const double factor = (k + 1) * (k + 2);
-    for (int w = turning; w < Vectors; ++w) {
+    for (int w = turning; w < joints; ++w) {
       const int i = carrier[w];
       double x = factor * turn_x.of[w], y = factor * turn_y.of[w];
       if (i >= 0) {
@@ -201,7 +201,7 @@ class DenseSeries {
                                                        Row& bend_y) {
     const double factor = (k + 1) * (k + 2);
     for (int p = 0; p < parts; ++p) vector_x[k + 2](p) = unit_x[k + 2](p), vector_y[k + 2](p) = unit_y[k + 2](p);
-    for (int w = turning; w < Vectors; ++w) {
+    for (int w = turning; w < joints; ++w) {
       const int i = carrier[w];
       const double ex = i >= 0 ? unit_x[k + 2].of[i] : 0.0, ey = i >= 0 ? unit_y[k + 2].of[i] : 0.0;
       const double x = turn_x.of[w] + place[w] * ex, y = turn_y.of[w] + place[w] * ey;
@@ -236,7 +236,7 @@ class TaylorDense final : public Taylor {
     place(base);
     know(effort_.data(), 0);
     auto& s = series_;
-    for (int a = 0; a < Vectors; ++a) {  // gravity, which the pulls of order 0 hold from then on
+    for (int a = 0; a < s.joints; ++a) {  // gravity, which the pulls of order 0 hold from then on
       const int i = a < s.turning ? a : s.carrier[a];
       if (i >= 0)
         s.known[0].of[i] -= s.vector_x[0].of[a] * s.weight_y.of[a] - s.vector_y[0].of[a] * s.weight_x.of[a];
@@ -266,7 +266,7 @@ class TaylorDense final : public Taylor {
       if (k > 0 && passive) add_passive(k);
       series_.advance(k, inverse_.data());
       double* const next = velocity(k + 1);
-      for (int i = 0; i < Vectors; ++i) {
+      for (int i = 0; i < joints_; ++i) {
         const double own = series_.acceleration.of[i];
         next[joint_[i]] = sign_[i] * (i < series_.turning && series_.carrier[i] >= 0
                                           ? own - series_.acceleration.of[series_.carrier[i]] : own) * inverse_[k + 1];
@@ -293,6 +293,8 @@ class TaylorDense final : public Taylor {
       slide_[i] = count++;
       series_.carrier[slide_[i]] = angle_[link.carrier], joint_[slide_[i]] = link.slide, sign_[slide_[i]] = 1.0;
     }
+    series_.joints = count;
+    for (int i = count; i < Vectors; ++i) series_.inertia[i].of[i] = 1.0;
     int* next = series_.pivot_order;
     for (int i = n; i >= 1; --i) {
       if (chain_.links[i].rotation >= 0) *next++ = angle_[i];
@@ -343,7 +345,7 @@ class TaylorDense final : public Taylor {
   // Orders 0 and 1 from angles summed with what rounding loses.
   void place(const JointState& base) {
     auto& s = series_;
-    double high[Vectors], low[Vectors];
+    double high[Vectors] = {}, low[Vectors] = {};
     for (int i = 0; i < s.turning; ++i) {
       const int p = s.carrier[i], joint = joint_[i];
       const double angle = p < 0 ? 0.0 : high[p], turned = sign_[i] * base.position[joint], sum = angle + turned;
@@ -358,7 +360,7 @@ class TaylorDense final : public Taylor {
       s.unit_x[0].of[i] = s.vector_x[0].of[i] = cosine, s.unit_y[0].of[i] = s.vector_y[0].of[i] = sine;
       s.unit_x[1].of[i] = s.vector_x[1].of[i] = -rate * sine, s.unit_y[1].of[i] = s.vector_y[1].of[i] = rate * cosine;
     }
-    for (int w = s.turning; w < Vectors; ++w) {
+    for (int w = s.turning; w < joints_; ++w) {
       const int p = s.carrier[w];
       const double x = s.place[w] = base.position[joint_[w]], rate = s.speed[0].of[w] = base.velocity[joint_[w]];
       for (int k = 0; k < 2; ++k) {
@@ -374,8 +376,8 @@ class TaylorDense final : public Taylor {
   // Q = S tau for angles, f for slides.
   void know(const double* effort, int k) {
     double* const known = series_.known[k].of;
-    for (int i = 0; i < Vectors; ++i) known[i] = 0.0;
-    for (int i = 0; i < Vectors; ++i) {
+    for (int i = 0; i < joints_; ++i) known[i] = 0.0;
+    for (int i = 0; i < joints_; ++i) {
       const double own = sign_[i] * effort[joint_[i]];
       known[i] += own;
       if (i < series_.turning && series_.carrier[i] >= 0) known[series_.carrier[i]] -= own;
@@ -393,8 +395,8 @@ class TaylorDense final : public Taylor {
 
   const Chain& chain_;
   std::vector<int> angle_, slide_;  // unknown of a link's angle, its carrier's where it has none; of its slide; else -1
-  int joint_[Vectors];
-  double sign_[Vectors];
+  int joint_[Vectors] = {};
+  double sign_[Vectors] = {};
   DenseSeries<Vectors, Slides> series_;
 };
 
