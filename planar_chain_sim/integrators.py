@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from math import ceil, log
 from typing import Optional
 
+from . import _kernel, tableaux
+
 DEFAULT_TOLERANCE = 1e-9
 
 
@@ -14,7 +16,10 @@ class Method:
     A method of integration.
 
     `order`: of the global error; None where it follows from the tolerance. `a` (stages, stages), strictly lower
-    triangular, and `b` (stages,): Butcher tableau of a Runge-Kutta method.
+    triangular, and `b` (stages,): Butcher tableau of a Runge-Kutta method. An adaptive one has `error`, one or two rows
+    (stages + 1,): b less the weights of the embedded methods, of which the last acts on the derivative at the step's
+    end. Its dense output is the cubic Hermite polynomial, and beyond it `dense`, rows of terms in the order of Hairer's
+    codes, (stages + 1 + extra,), over the stages, the end and extra stages with their rows `dense_a`.
     """
 
     name: str
@@ -25,6 +30,9 @@ class Method:
     conserves: str
     a: tuple = ()
     b: tuple = ()
+    error: tuple = ()
+    dense_a: tuple = ()
+    dense: tuple = ()
 
 
 METHODS = {method.name: method for method in (
@@ -34,6 +42,16 @@ METHODS = {method.name: method for method in (
            citation='W. Kutta, Z. Math. Phys. 46 (1901), 435-453; '
                     'Hairer, Norsett, Wanner, Solving ODEs I, table II.1.2',
            conserves='nothing exactly: the energy of a free arm drifts slowly, by O(step^4) over a fixed time'),
+    Method('dop853', 'explicit Runge-Kutta', 8, True,
+           a=tableaux.DOP853_A, b=tableaux.DOP853_B, error=tableaux.DOP853_ERROR,
+           dense_a=tableaux.DOP853_DENSE_A, dense=tableaux.DOP853_DENSE,
+           citation='P. J. Prince, J. R. Dormand, J. Comput. Appl. Math. 7 (1981), 67-75; '
+                    'Hairer, Norsett, Wanner, Solving ODEs I, II.5, II.6, II.10, code DOP853',
+           conserves='nothing exactly: energy within the tolerance, with an error that grows with time'),
+    Method('dop853_fixed', 'explicit Runge-Kutta', 8, False, a=tableaux.DOP853_A, b=tableaux.DOP853_B,
+           citation='as dop853',
+           conserves='nothing exactly: the energy of a free arm drifts by O(step^8) over a fixed time, at small steps '
+                     'by round-off alone'),
     Method('taylor', 'taylor', None, True,
            citation='A. Jorba, M. Zou, Experimental Mathematics 14 (2005), 99-117; recurrences: equations.md 11',
            conserves='nothing exactly: energy within the tolerance, at 1e-16 down to round-off that grows like '
@@ -46,3 +64,16 @@ AUTO = 'rk4'
 def taylor_order(tolerance: float) -> int:
     """Order of the series for a tolerance: Jorba and Zou (2005), p = 1 + ln(1/tolerance) / 2."""
     return max(4, ceil(1.0 - 0.5 * log(tolerance)))
+
+
+def method_data(method: Method, tolerance: Optional[float], fixed: float = 0.0):
+    """
+    Return what the kernel needs to know of a method and its tolerance.
+
+    `fixed`, s: an adaptive method takes steps of this length instead of its own, so that its order can be measured.
+    """
+    data = _kernel.MethodData(method.family, method.order or taylor_order(tolerance), method.adaptive, tolerance or 0.0,
+                              fixed)
+    data.set_tableau(len(method.b), *([x for row in rows for x in row] for rows in (
+        method.a, (method.b,), method.error, method.dense_a, method.dense)))
+    return data

@@ -11,6 +11,7 @@
 #include <string>
 #include <tuple>
 
+#include "adaptive_runge_kutta.hpp"
 #include "chain.hpp"
 #include "integrators.hpp"
 #include "joint_forces.hpp"
@@ -125,7 +126,8 @@ class Model {
 struct MethodData {
   std::string family;
   int order = 0;
-  std::vector<double> a, b;
+  bool adaptive = false;
+  pc::Tableau tableau;
   double tolerance = 0.0;  // adaptive methods
   double fixed = 0.0;      // s: an adaptive method takes steps of this length, to measure its order; 0: its own
 };
@@ -154,8 +156,10 @@ std::unique_ptr<pc::Integrator> make_integrator(const MethodData& data, const pc
                                                 const pc::JointForces& forces, double step) {
   const int joints = chain.joint_count;
   if (data.family == "taylor") return make_taylor(data, chain, forces, step);
-  return std::make_unique<pc::ExplicitRungeKutta>(
-      form, forces, joints, pc::ButcherTableau{static_cast<int>(data.b.size()), data.a, data.b}, step);
+  if (data.adaptive)
+    return std::make_unique<pc::AdaptiveRungeKutta>(form, forces, joints, data.tableau, data.order, step,
+                                                    data.tolerance, data.fixed);
+  return std::make_unique<pc::ExplicitRungeKutta>(form, forces, joints, data.tableau, step);
 }
 
 // State, method and workspace of one simulation. Ticks are counted by Python.
@@ -306,10 +310,13 @@ PYBIND11_MODULE(_kernel, module) {
       .def("energy", &Model::energy);
 
   py::class_<MethodData>(module, "MethodData")
-      .def(py::init([](std::string family, int order, std::vector<double> a, std::vector<double> b, double tolerance,
-                       double fixed) { return MethodData{family, order, a, b, tolerance, fixed}; }),
-           py::arg("family"), py::arg("order"), py::arg("a"), py::arg("b"), py::arg("tolerance"),
-           py::arg("fixed") = 0.0);
+      .def(py::init([](std::string family, int order, bool adaptive, double tolerance, double fixed) {
+        return MethodData{family, order, adaptive, {}, tolerance, fixed};
+      }))
+      .def("set_tableau", [](MethodData& data, int stages, std::vector<double> a, std::vector<double> b,
+                             std::vector<double> error, std::vector<double> dense_a, std::vector<double> dense) {
+        data.tableau = {stages, a, b, error, dense_a, dense};
+      });
 
   py::class_<Stepper>(module, "Stepper")
       .def(py::init<const Model&, const MethodData&, double>(), py::keep_alive<1, 2>())
