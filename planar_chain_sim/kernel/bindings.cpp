@@ -13,11 +13,13 @@
 
 #include "adaptive_runge_kutta.hpp"
 #include "chain.hpp"
+#include "gauss.hpp"
 #include "integrators.hpp"
 #include "joint_forces.hpp"
 #include "recursive.hpp"
 #include "rollout.hpp"
 #include "runge_kutta.hpp"
+#include "semi_implicit_euler.hpp"
 #include "taylor_dense.hpp"
 #include "taylor_recursive.hpp"
 #include "trigonometry.hpp"
@@ -156,6 +158,8 @@ std::unique_ptr<pc::Integrator> make_integrator(const MethodData& data, const pc
                                                 const pc::JointForces& forces, double step) {
   const int joints = chain.joint_count;
   if (data.family == "taylor") return make_taylor(data, chain, forces, step);
+  if (data.family == "semi-implicit") return std::make_unique<pc::SemiImplicitEuler>(form, forces, joints, step);
+  if (data.family == "Gauss") return std::make_unique<pc::Gauss>(form, forces, joints, data.tableau, step);
   if (data.adaptive)
     return std::make_unique<pc::AdaptiveRungeKutta>(form, forces, joints, data.tableau, data.order, step,
                                                     data.tolerance, data.fixed);
