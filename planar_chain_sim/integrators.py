@@ -19,7 +19,9 @@ class Method:
     triangular, and `b` (stages,): Butcher tableau of a Runge-Kutta method. An adaptive one has `error`, one or two rows
     (stages + 1,): b less the weights of the embedded methods, of which the last acts on the derivative at the step's
     end. Its dense output is the cubic Hermite polynomial, and beyond it `dense`, rows of terms in the order of Hairer's
-    codes, (stages + 1 + extra,), over the stages, the end and extra stages with their rows `dense_a`.
+    codes, (stages + 1 + extra,), over the stages, the end and extra stages with their rows `dense_a`. A Rosenbrock
+    method has `a`, `c` and `gamma` in the variables of Hairer and Wanner, Solving ODEs II, (IV.7.25), `error` and `dense`
+    over its stages.
     """
 
     name: str
@@ -33,6 +35,8 @@ class Method:
     error: tuple = ()
     dense_a: tuple = ()
     dense: tuple = ()
+    c: tuple = ()
+    gamma: float = 0.0
 
 
 _S = sqrt(15.0)
@@ -67,6 +71,12 @@ METHODS = {method.name: method for method in (
            conserves='nothing exactly, but it is symmetric and so reversible in time: the energy of a free arm stays '
                      'within O(step^6) without a trend, at small steps within round-off; it is not symplectic, as '
                      'joint rates are not momenta'),
+    Method('rodas5p', 'Rosenbrock', 5, True,
+           a=tableaux.RODAS5P_A, b=tableaux.RODAS5P_B, c=tableaux.RODAS5P_C, gamma=tableaux.RODAS5P_GAMMA,
+           error=tableaux.RODAS5P_ERROR, dense=tableaux.RODAS5P_DENSE,
+           citation='G. Steinebach, BIT Numerical Mathematics 63 (2023), 27; Hairer, Wanner, Solving ODEs II, IV.7',
+           conserves='nothing: L-stable and stiffly accurate, it damps what is too fast for its steps, and energy '
+                     'changes within the tolerance'),
     Method('taylor', 'taylor', None, True,
            citation='A. Jorba, M. Zou, Experimental Mathematics 14 (2005), 99-117; recurrences: equations.md 11',
            conserves='nothing exactly: energy within the tolerance, at 1e-16 down to round-off that grows like '
@@ -90,5 +100,5 @@ def method_data(method: Method, tolerance: Optional[float], fixed: float = 0.0):
     data = _kernel.MethodData(method.family, method.order or taylor_order(tolerance), method.adaptive, tolerance or 0.0,
                               fixed)
     data.set_tableau(len(method.b), *([x for row in rows for x in row] for rows in (
-        method.a, (method.b,), method.error, method.dense_a, method.dense)))
+        method.a, (method.b,), method.error, method.dense_a, method.dense, method.c)), method.gamma)
     return data

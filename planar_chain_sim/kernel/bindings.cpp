@@ -15,9 +15,11 @@
 #include "chain.hpp"
 #include "gauss.hpp"
 #include "integrators.hpp"
+#include "jacobian.hpp"
 #include "joint_forces.hpp"
 #include "recursive.hpp"
 #include "rollout.hpp"
+#include "rosenbrock.hpp"
 #include "runge_kutta.hpp"
 #include "semi_implicit_euler.hpp"
 #include "taylor_dense.hpp"
@@ -112,6 +114,15 @@ class Model {
     return matrix;
   }
 
+  // Mass matrix, and derivatives by position and velocity of the effort that inverse_dynamics gives; joints x joints.
+  std::tuple<Array, Array, Array> derivatives(const Array& position, const Array& velocity, const Array& acceleration) {
+    pc::Jacobian jacobian(chain_, forces);
+    jacobian.compute(position.data(), velocity.data(), acceleration.data());
+    const int n = chain_.joint_count;
+    const auto square = [n](const std::vector<double>& rows) { return Array({n, n}, rows.data()); };
+    return {square(jacobian.mass), square(jacobian.by_position), square(jacobian.by_velocity)};
+  }
+
   std::pair<double, double> energy(const Array& position, const Array& velocity) {
     double kinetic, potential;
     recursion_->energy(position.data(), velocity.data(), kinetic, potential);
@@ -160,6 +171,9 @@ std::unique_ptr<pc::Integrator> make_integrator(const MethodData& data, const pc
   if (data.family == "taylor") return make_taylor(data, chain, forces, step);
   if (data.family == "semi-implicit") return std::make_unique<pc::SemiImplicitEuler>(form, forces, joints, step);
   if (data.family == "Gauss") return std::make_unique<pc::Gauss>(form, forces, joints, data.tableau, step);
+  if (data.family == "Rosenbrock")
+    return std::make_unique<pc::Rosenbrock>(chain, form, forces, data.tableau, data.order, step, data.tolerance,
+                                            data.fixed);
   if (data.adaptive)
     return std::make_unique<pc::AdaptiveRungeKutta>(form, forces, joints, data.tableau, data.order, step,
                                                     data.tolerance, data.fixed);
@@ -311,6 +325,7 @@ PYBIND11_MODULE(_kernel, module) {
       .def("evaluate_repeatedly", &Model::evaluate_repeatedly)
       .def("inverse_dynamics", &Model::inverse_dynamics)
       .def("mass_matrix", &Model::mass_matrix)
+      .def("derivatives", &Model::derivatives)
       .def("energy", &Model::energy);
 
   py::class_<MethodData>(module, "MethodData")
@@ -318,8 +333,9 @@ PYBIND11_MODULE(_kernel, module) {
         return MethodData{family, order, adaptive, {}, tolerance, fixed};
       }))
       .def("set_tableau", [](MethodData& data, int stages, std::vector<double> a, std::vector<double> b,
-                             std::vector<double> error, std::vector<double> dense_a, std::vector<double> dense) {
-        data.tableau = {stages, a, b, error, dense_a, dense};
+                             std::vector<double> error, std::vector<double> dense_a, std::vector<double> dense,
+                             std::vector<double> c, double gamma) {
+        data.tableau = {stages, a, b, error, dense_a, dense, c, gamma};
       });
 
   py::class_<Stepper>(module, "Stepper")

@@ -7,14 +7,11 @@
 
 namespace planar_chain {
 
-// A method's row of METHODS: explicit Runge-Kutta methods need a and b, adaptive ones the error weights too.
+// A method's row of METHODS in integrators.py, which says what these are.
 struct Tableau {
   int stages = 0;
-  std::vector<double> a;        // stages x stages, strictly lower triangular
-  std::vector<double> b;        // stages
-  std::vector<double> error;    // one or two rows of stages + 1, the last for the derivative at the step's end
-  std::vector<double> dense_a;  // a row for each stage that only dense output needs, of stages + 1 + these
-  std::vector<double> dense;    // rows of the same width: terms of dense output beyond the cubic Hermite polynomial
+  std::vector<double> a, b, error, dense_a, dense, c;  // matrices row by row
+  double gamma = 0.0;
 };
 
 // Row `row` of a matrix of `width` columns, without its zeros.
@@ -59,11 +56,11 @@ class Stages {
     return sum_.data();
   }
 
-  // Derivative at base + step * (sum of weights): into row `stage`. `joint` is why the outcome is not good.
-  Outcome evaluate(int stage, const JointState& base, double step, const Weights& weights, const double* actuator,
-                   int& joint) {
+  // Derivative (q', v') at base + step * (sum of weights). `joint` is why the outcome is not good.
+  Outcome evaluate(const JointState& base, double step, const Weights& weights, const double* actuator,
+                   double* derivative, int& joint) {
     const double* sum = weigh(weights);
-    double *rate = row(stage), *acceleration = rate + joints_;
+    double *rate = derivative, *acceleration = derivative + joints_;
     for (int i = 0; i < joints_; ++i) {
       position_[i] = base.position[i] + (step * sum[i] + base.position_remainder[i]);
       rate[i] = base.velocity[i] + (step * sum[joints_ + i] + base.velocity_remainder[i]);
@@ -100,9 +97,9 @@ class ExplicitRungeKutta final : public FixedStep {
 
  protected:
   Outcome step(const JointState& state, const double* actuator, JointState& next, int& joint) override {
-    for (std::size_t stage = 0; stage < a_.size(); ++stage) {
+    for (int stage = 0; stage < static_cast<int>(a_.size()); ++stage) {
       ++counts.evaluations;
-      const Outcome outcome = stages_.evaluate(static_cast<int>(stage), state, step_, a_[stage], actuator, joint);
+      const Outcome outcome = stages_.evaluate(state, step_, a_[stage], actuator, stages_.row(stage), joint);
       if (outcome != Outcome::good) return outcome;
     }
     stages_.move(state, step_, b_, next);
