@@ -15,13 +15,13 @@ class Method:
     """
     A method of integration.
 
-    `order`: of the global error; None where it follows from the tolerance. `a` (stages, stages), strictly lower
-    triangular, and `b` (stages,): Butcher tableau of a Runge-Kutta method. An adaptive one has `error`, one or two rows
-    (stages + 1,): b less the weights of the embedded methods, of which the last acts on the derivative at the step's
-    end. Its dense output is the cubic Hermite polynomial, and beyond it `dense`, rows of terms in the order of Hairer's
-    codes, (stages + 1 + extra,), over the stages, the end and extra stages with their rows `dense_a`. A Rosenbrock
-    method has `a`, `c` and `gamma` in the variables of Hairer and Wanner, Solving ODEs II, (IV.7.25), `error` and `dense`
-    over its stages.
+    `order`: of the global error; None where it follows from the tolerance. `a` (stages, stages) and `b` (stages,):
+    Butcher tableau of a Runge-Kutta method; strictly lower triangular where that is explicit. An adaptive one has
+    `error`, one or two rows (stages + 1,): b less the weights of the embedded methods, of which the last acts on the
+    derivative at the step's end. Its dense output is the cubic Hermite polynomial and, beyond that, `dense`, rows of
+    terms in the order of Hairer's codes, (stages + 1 + extra,), over the stages, the end, and extra stages that have
+    their rows in `dense_a`. A Rosenbrock method has `a`, `c` and `gamma` in the variables of Hairer, Wanner, Solving
+    ODEs II, (IV.7.25), and `error`, one row, and `dense` over its stages (stages,).
     """
 
     name: str

@@ -15,7 +15,8 @@ from .plan import plan_of
 # Outcomes of the kernel's step, in the order of `enum class Outcome` (kernel/integrators.hpp).
 _WHY = (None, 'the configuration is singular', 'the state ran away and would not be finite',
         'the joint reached a stop, which this version does not simulate yet',
-        'the steps that the tolerance asks for have become too short to be taken')
+        'the steps that the tolerance asks for have become too short to be taken',
+        'the step is too long for the iteration that solves it')
 
 
 @dataclass(frozen=True)

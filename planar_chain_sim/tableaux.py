@@ -62,8 +62,8 @@ DOP853_DENSE = rows_of(
      93.40532418362432, -37.45832313645163, 104.0996495089623, 29.8402934266605, -43.53345659001114,
      96.32455395918828, -39.17726167561544, -149.72683625798564))
 
-# Steinebach's Rosenbrock method Rodas5P of order 5, error estimate of order 4 (the last stage), dense output of order 4,
-# in the variables u = (gamma_ij) k: BIT Numerical Mathematics 63 (2023), 27.
+# Steinebach's Rosenbrock method Rodas5P of order 5, with an error estimate (the last stage) and dense output of order
+# 4, in the variables u = (gamma_ij) k: BIT Numerical Mathematics 63 (2023), 27.
 RODAS5P_GAMMA = 0.21193756319429014
 RODAS5P_A = rows_of(
     8,

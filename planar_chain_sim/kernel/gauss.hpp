@@ -53,13 +53,14 @@ class Gauss final : public FixedStep {
     for (int round = 1;; ++round) {
       double change = 0.0, increment = 0.0, size = 0.0;
       outcome = iterate(state, actuator, change, increment, size, joint);
+      if (round > 1 && (outcome != Outcome::good || round == most_rounds || !(change < 1e300)))
+        return joint = worst_, Outcome::too_long;
       if (outcome != Outcome::good) return outcome;
       // Done where the next round would change less than the rounding of an acceleration, or where rounding of angles
       // and velocities lets changes shrink no further.
       constexpr double rounding = std::numeric_limits<double>::epsilon();
       if (change == 0.0 || (round > 1 && change * change <= before * rounding * increment)) break;
       if (round > 1 && change >= before && change <= 1e4 * rounding * size) break;
-      if (round == most_rounds || !(change < 1e300)) return joint = worst_, Outcome::stalled;
       before = change;
     }
     finish(state, next);

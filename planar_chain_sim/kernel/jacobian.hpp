@@ -47,6 +47,8 @@ class Jacobian {
   }
 
  private:
+  using Vec = VecOf<double>;
+
   struct Motion {
     double angle = 0.0, cosine = 1.0, sine = 0.0, rate = 0.0, angular = 0.0;  // phi, phi', phi''
     Vec lever, axis, velocity, acceleration;                                  // R, chi, v, a of the joint point
