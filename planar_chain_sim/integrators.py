@@ -2,8 +2,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import log10
+from math import log10, sqrt
 from typing import Optional
+
+from . import _kernel, tableaux
 
 DEFAULT_TOLERANCE = 1e-9
 
@@ -13,8 +15,13 @@ class Method:
     """
     A method of integration.
 
-    `order`: of the global error; None where it follows from the tolerance. `a` (stages, stages), strictly lower
-    triangular, and `b` (stages,): Butcher tableau of a Runge-Kutta method.
+    `order`: of the global error; None where it follows from the tolerance. `a` (stages, stages) and `b` (stages,):
+    Butcher tableau of a Runge-Kutta method; strictly lower triangular where that is explicit. An adaptive one has
+    `error`, one or two rows (stages + 1,): b less the weights of the embedded methods, of which the last acts on the
+    derivative at the step's end. Its dense output is the cubic Hermite polynomial and, beyond that, `dense`, rows of
+    terms in the order of Hairer's codes, (stages + 1 + extra,), over the stages, the end, and extra stages that have
+    their rows in `dense_a`. A Rosenbrock method has `a`, `c` and `gamma` in the variables of Hairer, Wanner, Solving
+    ODEs II, (IV.7.25), and `error`, one row, and `dense` over its stages (stages,).
     """
 
     name: str
@@ -25,15 +32,51 @@ class Method:
     conserves: str
     a: tuple = ()
     b: tuple = ()
+    error: tuple = ()
+    dense_a: tuple = ()
+    dense: tuple = ()
+    c: tuple = ()
+    gamma: float = 0.0
 
+
+_S = sqrt(15.0)
 
 METHODS = {method.name: method for method in (
+    Method('semi_implicit_euler', 'semi-implicit', 1, False,
+           citation='Hairer, Lubich, Wanner, Geometric Numerical Integration, I.1.2',
+           conserves='nothing exactly: it is symplectic where the mass matrix is constant, but here that depends on '
+                     'the positions; the energy of a free arm drifts by O(step)'),
     Method('rk4', 'explicit Runge-Kutta', 4, False,
            a=((0.0, 0.0, 0.0, 0.0), (0.5, 0.0, 0.0, 0.0), (0.0, 0.5, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0)),
            b=(1 / 6, 1 / 3, 1 / 3, 1 / 6),
            citation='W. Kutta, Z. Math. Phys. 46 (1901), 435-453; '
                     'Hairer, Norsett, Wanner, Solving ODEs I, table II.1.2',
            conserves='nothing exactly: the energy of a free arm drifts slowly, by O(step^4) over a fixed time'),
+    Method('dop853', 'explicit Runge-Kutta', 8, True,
+           a=tableaux.DOP853_A, b=tableaux.DOP853_B, error=tableaux.DOP853_ERROR,
+           dense_a=tableaux.DOP853_DENSE_A, dense=tableaux.DOP853_DENSE,
+           citation='P. J. Prince, J. R. Dormand, J. Comput. Appl. Math. 7 (1981), 67-75; '
+                    'Hairer, Norsett, Wanner, Solving ODEs I, II.5, II.6, II.10, code DOP853',
+           conserves='nothing exactly: energy within the tolerance, with an error that grows with time'),
+    Method('dop853_fixed', 'explicit Runge-Kutta', 8, False, a=tableaux.DOP853_A, b=tableaux.DOP853_B,
+           citation='as dop853',
+           conserves='nothing exactly: the energy of a free arm drifts by O(step^8) over a fixed time, at small steps '
+                     'by round-off alone'),
+    Method('gauss6', 'Gauss', 6, False,
+           a=((5 / 36, 2 / 9 - _S / 15, 5 / 36 - _S / 30), (5 / 36 + _S / 24, 2 / 9, 5 / 36 - _S / 24),
+              (5 / 36 + _S / 30, 2 / 9 + _S / 15, 5 / 36)),
+           b=(5 / 18, 4 / 9, 5 / 18),
+           citation='J. C. Butcher, Math. Comp. 18 (1964), 50-64; Hairer, Lubich, Wanner, Geometric Numerical '
+                    'Integration, II.1.3',
+           conserves='nothing exactly, but it is symmetric and so reversible in time: the energy of a free arm stays '
+                     'within O(step^6) without a trend, at small steps within round-off; it is not symplectic, as '
+                     'joint rates are not momenta'),
+    Method('rodas5p', 'Rosenbrock', 5, True,
+           a=tableaux.RODAS5P_A, b=tableaux.RODAS5P_B, c=tableaux.RODAS5P_C, gamma=tableaux.RODAS5P_GAMMA,
+           error=tableaux.RODAS5P_ERROR, dense=tableaux.RODAS5P_DENSE,
+           citation='G. Steinebach, BIT Numerical Mathematics 63 (2023), 27; Hairer, Wanner, Solving ODEs II, IV.7',
+           conserves='nothing: L-stable and stiffly accurate, it damps what is too fast for its steps, and energy '
+                     'changes within the tolerance'),
     Method('taylor', 'taylor', None, True,
            citation='A. Jorba, M. Zou, Experimental Mathematics 14 (2005), 99-117; recurrences: equations.md 11',
            conserves='nothing exactly: energy within the tolerance, at 1e-16 down to round-off that grows like '
@@ -51,3 +94,16 @@ def taylor_order(tolerance: float) -> int:
     that higher orders and longer steps are cheaper: 10 + 0.8 per digit, by measurement on chains of 2 to 7 joints.
     """
     return min(24, max(8, round(10.0 - 0.8 * log10(tolerance))))
+
+
+def method_data(method: Method, tolerance: Optional[float], fixed: float = 0.0):
+    """
+    Return what the kernel needs to know of a method and its tolerance.
+
+    `fixed`, s: an adaptive method takes steps of this length instead of its own, so that its order can be measured.
+    """
+    data = _kernel.MethodData(method.family, method.order or taylor_order(tolerance), method.adaptive, tolerance or 0.0,
+                              fixed)
+    data.set_tableau(len(method.b), *([x for row in rows for x in row] for rows in (
+        method.a, (method.b,), method.error, method.dense_a, method.dense, method.c)), method.gamma)
+    return data

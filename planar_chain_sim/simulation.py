@@ -9,13 +9,14 @@ import numpy as np
 from . import _kernel
 from .chain import Chain
 from .dynamics import check_form, forward_dynamics, joint_array, SimulationError
-from .integrators import AUTO, DEFAULT_TOLERANCE, METHODS, taylor_order
+from .integrators import AUTO, DEFAULT_TOLERANCE, method_data, METHODS, taylor_order
 from .plan import plan_of
 
 # Outcomes of the kernel's step, in the order of `enum class Outcome` (kernel/integrators.hpp).
 _WHY = (None, 'the configuration is singular', 'the state ran away and would not be finite',
         'the joint reached a stop, which this version does not simulate yet',
-        'the steps that the tolerance asks for have become too short to be taken')
+        'the steps that the tolerance asks for have become too short to be taken',
+        'the step is too long for the iteration that solves it')
 
 
 @dataclass(frozen=True)
@@ -68,15 +69,9 @@ class Simulation:
         self.chain, self.step, self.form = chain, float(step), 'recursive'
         self._row, self.tolerance = resolve_method(method, tolerance)
         self.method, self._asked = self._row.name, method
-        self._stepper = _kernel.Stepper(plan_of(chain).model, self._method_data(), self.step)
+        self._stepper = _kernel.Stepper(plan_of(chain).model, method_data(self._row, self.tolerance), self.step)
         self._tick, self._between = 0, None
         self._stepper.set_state(*initial_state(chain))
-
-    def _method_data(self):
-        row = self._row
-        order = row.order or taylor_order(self.tolerance)
-        return _kernel.MethodData(row.family, order, [x for stage in row.a for x in stage], list(row.b),
-                                  self.tolerance or 0.0)
 
     @property
     def tick(self) -> int:

@@ -49,6 +49,8 @@ class AdaptiveStep : public Integrator {
       if (covers(since_origin(tick + covered))) {
         // With nothing to be looked at in between, go for the last tick that the present step covers.
         if (forces_.stops.empty()) covered = last_covered(tick, ticks);
+        progress.outcome = open(base_, progress.joint);
+        if (progress.outcome != Outcome::good) break;
         read_at(since_origin(tick + covered), next_);
         progress.joint = forces_.beyond_stop(next_.position.data());
         if (progress.joint >= 0) {
@@ -70,6 +72,7 @@ class AdaptiveStep : public Integrator {
     prepare(now, tick, state, actuator);
     const double wanted = time - origin_ * tick_length_ - origin_offset_;
     while (progress.outcome == Outcome::good && !covers(wanted)) progress.outcome = extend(progress.joint);
+    if (progress.outcome == Outcome::good) progress.outcome = open(base_, progress.joint);
     if (progress.outcome != Outcome::good) return true;
     read_at(wanted, next_);
     progress.joint = forces_.beyond_stop(next_.position.data());
@@ -110,6 +113,9 @@ class AdaptiveStep : public Integrator {
   // the length taken, `proposal` as what the next may try. `again`: take exactly `length`, which was accepted before.
   virtual Outcome expand(const JointState& base, const double* actuator, double& length, double& proposal, int& joint,
                          bool again) = 0;
+
+  // Called before the step that starts at `base` is read anywhere but at its end: what only that needs.
+  virtual Outcome open(const JointState& /*base*/, int& /*joint*/) { return Outcome::good; }
 
   // State at `offset` into the step that starts at `base`, as an unevaluated sum.
   virtual void read(double offset, const JointState& base, JointState& out) const = 0;

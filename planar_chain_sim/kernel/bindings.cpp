@@ -11,12 +11,17 @@
 #include <string>
 #include <tuple>
 
+#include "adaptive_runge_kutta.hpp"
 #include "chain.hpp"
+#include "gauss.hpp"
 #include "integrators.hpp"
+#include "jacobian.hpp"
 #include "joint_forces.hpp"
 #include "recursive.hpp"
 #include "rollout.hpp"
+#include "rosenbrock.hpp"
 #include "runge_kutta.hpp"
+#include "semi_implicit_euler.hpp"
 #include "taylor_dense.hpp"
 #include "taylor_recursive.hpp"
 #include "trigonometry.hpp"
@@ -109,6 +114,15 @@ class Model {
     return matrix;
   }
 
+  // Mass matrix, and derivatives by position and velocity of the effort that inverse_dynamics gives; joints x joints.
+  std::tuple<Array, Array, Array> derivatives(const Array& position, const Array& velocity, const Array& acceleration) {
+    pc::Jacobian jacobian(chain_, forces);
+    jacobian.compute(position.data(), velocity.data(), acceleration.data());
+    const int n = chain_.joint_count;
+    const auto square = [n](const std::vector<double>& rows) { return Array({n, n}, rows.data()); };
+    return {square(jacobian.mass), square(jacobian.by_position), square(jacobian.by_velocity)};
+  }
+
   std::pair<double, double> energy(const Array& position, const Array& velocity) {
     double kinetic, potential;
     recursion_->energy(position.data(), velocity.data(), kinetic, potential);
@@ -125,7 +139,8 @@ class Model {
 struct MethodData {
   std::string family;
   int order = 0;
-  std::vector<double> a, b;
+  bool adaptive = false;
+  pc::Tableau tableau;
   double tolerance = 0.0;  // adaptive methods
   double fixed = 0.0;      // s: an adaptive method takes steps of this length, to measure its order; 0: its own
   bool dense = true;       // whether a short chain's series is unrolled
@@ -161,8 +176,15 @@ std::unique_ptr<pc::Integrator> make_integrator(const MethodData& data, const pc
                                                 const pc::JointForces& forces, double step) {
   const int joints = chain.joint_count;
   if (data.family == "taylor") return make_taylor(data, chain, forces, step);
-  return std::make_unique<pc::ExplicitRungeKutta>(
-      form, forces, joints, pc::ButcherTableau{static_cast<int>(data.b.size()), data.a, data.b}, step);
+  if (data.family == "semi-implicit") return std::make_unique<pc::SemiImplicitEuler>(form, forces, joints, step);
+  if (data.family == "Gauss") return std::make_unique<pc::Gauss>(form, forces, joints, data.tableau, step);
+  if (data.family == "Rosenbrock")
+    return std::make_unique<pc::Rosenbrock>(chain, form, forces, data.tableau, data.order, step, data.tolerance,
+                                            data.fixed);
+  if (data.adaptive)
+    return std::make_unique<pc::AdaptiveRungeKutta>(form, forces, joints, data.tableau, data.order, step,
+                                                    data.tolerance, data.fixed);
+  return std::make_unique<pc::ExplicitRungeKutta>(form, forces, joints, data.tableau, step);
 }
 
 // State, method and workspace of one simulation. Ticks are counted by Python.
@@ -310,13 +332,19 @@ PYBIND11_MODULE(_kernel, module) {
       .def("evaluate_repeatedly", &Model::evaluate_repeatedly)
       .def("inverse_dynamics", &Model::inverse_dynamics)
       .def("mass_matrix", &Model::mass_matrix)
+      .def("derivatives", &Model::derivatives)
       .def("energy", &Model::energy);
 
   py::class_<MethodData>(module, "MethodData")
-      .def(py::init([](std::string family, int order, std::vector<double> a, std::vector<double> b, double tolerance,
-                       double fixed, bool dense) { return MethodData{family, order, a, b, tolerance, fixed, dense}; }),
-           py::arg("family"), py::arg("order"), py::arg("a"), py::arg("b"), py::arg("tolerance"),
-           py::arg("fixed") = 0.0, py::arg("dense") = true);
+      .def(py::init([](std::string family, int order, bool adaptive, double tolerance, double fixed, bool dense) {
+        return MethodData{family, order, adaptive, {}, tolerance, fixed, dense};
+      }), py::arg("family"), py::arg("order"), py::arg("adaptive"), py::arg("tolerance"), py::arg("fixed") = 0.0,
+           py::arg("dense") = true)
+      .def("set_tableau", [](MethodData& data, int stages, std::vector<double> a, std::vector<double> b,
+                             std::vector<double> error, std::vector<double> dense_a, std::vector<double> dense,
+                             std::vector<double> c, double gamma) {
+        data.tableau = {stages, a, b, error, dense_a, dense, c, gamma};
+      });
 
   py::class_<Stepper>(module, "Stepper")
       .def(py::init<const Model&, const MethodData&, double>(), py::keep_alive<1, 2>())

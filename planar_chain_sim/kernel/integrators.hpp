@@ -27,7 +27,7 @@ inline void add_compensated(double value, double remainder, double increment, do
   lost = (value - (sum - back)) + (term - back);
 }
 
-enum class Outcome { good, singular, not_finite, beyond_stop, stalled };
+enum class Outcome { good, singular, not_finite, beyond_stop, stalled, too_long };
 
 struct Progress {
   std::int64_t ticks = 0;

@@ -7,68 +7,110 @@
 
 namespace planar_chain {
 
-struct ButcherTableau {
+// A method's row of METHODS in integrators.py, which says what these are.
+struct Tableau {
   int stages = 0;
-  std::vector<double> a;  // stages x stages, row by row, strictly lower triangular
-  std::vector<double> b;  // stages
+  std::vector<double> a, b, error, dense_a, dense, c;  // matrices row by row
+  double gamma = 0.0;
+};
+
+// Row `row` of a matrix of `width` columns, without its zeros.
+struct Weights {
+  std::vector<int> stage;
+  std::vector<double> weight;
+
+  Weights() = default;
+  Weights(const std::vector<double>& matrix, int width, int row) {
+    for (int l = 0; l < width; ++l) {
+      const double value = matrix[static_cast<std::size_t>(row) * width + l];
+      if (value != 0.0) stage.push_back(l), weight.push_back(value);
+    }
+  }
+};
+
+inline std::vector<Weights> rows_of(const std::vector<double>& matrix, int width) {
+  std::vector<Weights> rows;
+  for (int row = 0; row < static_cast<int>(matrix.size()) / width; ++row) rows.emplace_back(matrix, width, row);
+  return rows;
+}
+
+// Derivatives (q', v') at the stages of a step, a row of 2 x joints each, padded to whole fours.
+class Stages {
+ public:
+  Stages(Form& form, const JointForces& forces, int joints, int rows)
+      : form_(form), forces_(forces), joints_(joints), stride_((2 * joints + 3) / 4 * 4),
+        rows_(static_cast<std::size_t>(rows) * stride_), sum_(stride_), position_(joints), effort_(joints) {}
+
+  double* row(int stage) { return &rows_[static_cast<std::size_t>(stage) * stride_]; }
+
+  // Sum of weight_l (q', v')_l, in the order of the stages; good until the next call.
+  const double* weigh(const Weights& weights) {
+    for (int i = 0; i < stride_; i += 4) {
+      double sum[4] = {};
+      for (std::size_t l = 0; l < weights.stage.size(); ++l) {
+        const double* k = row(weights.stage[l]) + i;
+        for (int lane = 0; lane < 4; ++lane) sum[lane] += weights.weight[l] * k[lane];
+      }
+      for (int lane = 0; lane < 4; ++lane) sum_[i + lane] = sum[lane];
+    }
+    return sum_.data();
+  }
+
+  // Derivative (q', v') at base + step * (sum of weights). `joint` is why the outcome is not good.
+  Outcome evaluate(const JointState& base, double step, const Weights& weights, const double* actuator,
+                   double* derivative, int& joint) {
+    const double* sum = weigh(weights);
+    double *rate = derivative, *acceleration = derivative + joints_;
+    for (int i = 0; i < joints_; ++i) {
+      position_[i] = base.position[i] + (step * sum[i] + base.position_remainder[i]);
+      rate[i] = base.velocity[i] + (step * sum[joints_ + i] + base.velocity_remainder[i]);
+      effort_[i] = actuator[i];
+    }
+    forces_.add_passive(position_.data(), rate, effort_.data());
+    joint = form_.forward(position_.data(), rate, effort_.data(), acceleration);
+    return joint < 0 ? Outcome::good : singular_or_not_finite(position_.data(), joints_);
+  }
+
+  // next <- base + step * (sum of weights)
+  void move(const JointState& base, double step, const Weights& weights, JointState& next) {
+    const double* sum = weigh(weights);
+    for (int i = 0; i < joints_; ++i) {
+      add_compensated(base.position[i], base.position_remainder[i], step * sum[i], next.position[i],
+                      next.position_remainder[i]);
+      add_compensated(base.velocity[i], base.velocity_remainder[i], step * sum[joints_ + i], next.velocity[i],
+                      next.velocity_remainder[i]);
+    }
+  }
+
+ private:
+  Form& form_;
+  const JointForces& forces_;
+  const int joints_, stride_;
+  std::vector<double> rows_, sum_, position_, effort_;
 };
 
 class ExplicitRungeKutta final : public FixedStep {
  public:
-  ExplicitRungeKutta(Form& form, const JointForces& forces, int joints, const ButcherTableau& tableau, double step)
-      : FixedStep(forces, joints), form_(form), tableau_(tableau), step_(step), joints_(joints),
-        stage_position_(joints_), effort_(joints_), position_sum_(joints_), velocity_sum_(joints_),
-        rates_(static_cast<std::size_t>(tableau.stages) * joints_),
-        accelerations_(static_cast<std::size_t>(tableau.stages) * joints_) {}
+  ExplicitRungeKutta(Form& form, const JointForces& forces, int joints, const Tableau& tableau, double step)
+      : FixedStep(forces, joints), step_(step), a_(rows_of(tableau.a, tableau.stages)),
+        b_(tableau.b, tableau.stages, 0), stages_(form, forces, joints, tableau.stages) {}
 
  protected:
   Outcome step(const JointState& state, const double* actuator, JointState& next, int& joint) override {
-    for (int stage = 0; stage < tableau_.stages; ++stage) {
-      double* rate = row_of(rates_, stage);
-      double* acceleration = row_of(accelerations_, stage);
-      weigh(&tableau_.a[static_cast<std::size_t>(stage) * tableau_.stages], stage);
-      for (int i = 0; i < joints_; ++i) {
-        stage_position_[i] = state.position[i] + (step_ * position_sum_[i] + state.position_remainder[i]);
-        rate[i] = state.velocity[i] + (step_ * velocity_sum_[i] + state.velocity_remainder[i]);
-        effort_[i] = actuator[i];
-      }
-      forces_.add_passive(stage_position_.data(), rate, effort_.data());
+    for (int stage = 0; stage < static_cast<int>(a_.size()); ++stage) {
       ++counts.evaluations;
-      joint = form_.forward(stage_position_.data(), rate, effort_.data(), acceleration);
-      if (joint >= 0) return singular_or_not_finite(stage_position_.data(), joints_);
+      const Outcome outcome = stages_.evaluate(state, step_, a_[stage], actuator, stages_.row(stage), joint);
+      if (outcome != Outcome::good) return outcome;
     }
-    weigh(tableau_.b.data(), tableau_.stages);
-    for (int i = 0; i < joints_; ++i) {
-      add_compensated(state.position[i], state.position_remainder[i], step_ * position_sum_[i], next.position[i],
-                      next.position_remainder[i]);
-      add_compensated(state.velocity[i], state.velocity_remainder[i], step_ * velocity_sum_[i], next.velocity[i],
-                      next.velocity_remainder[i]);
-    }
+    stages_.move(state, step_, b_, next);
     return Outcome::good;
   }
 
  private:
-  double* row_of(std::vector<double>& stages, int stage) { return &stages[static_cast<std::size_t>(stage) * joints_]; }
-
-  // Sums over l < count of weight[l] k_l, in the order of the stages.
-  void weigh(const double* weight, int count) {
-    for (int i = 0; i < joints_; ++i) position_sum_[i] = velocity_sum_[i] = 0.0;
-    for (int l = 0; l < count; ++l) {
-      if (weight[l] == 0.0) continue;
-      const double* rate = row_of(rates_, l);
-      const double* acceleration = row_of(accelerations_, l);
-      for (int i = 0; i < joints_; ++i) {
-        position_sum_[i] += weight[l] * rate[i];
-        velocity_sum_[i] += weight[l] * acceleration[i];
-      }
-    }
-  }
-
-  Form& form_;
-  const ButcherTableau tableau_;
   const double step_;
-  const int joints_;
-  std::vector<double> stage_position_, effort_, position_sum_, velocity_sum_, rates_, accelerations_;
+  const std::vector<Weights> a_;
+  const Weights b_;
+  Stages stages_;
 };
 
 }  // namespace planar_chain
