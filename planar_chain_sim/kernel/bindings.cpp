@@ -12,6 +12,7 @@
 #include <tuple>
 
 #include "chain.hpp"
+#include "forms.hpp"
 #include "integrators.hpp"
 #include "joint_forces.hpp"
 #include "recursive.hpp"
@@ -54,6 +55,8 @@ class Model {
     }
     chain_.find_branches();
     recursion_.emplace(chain_);
+    chain_.refined = pc::largest_correction(chain_) > pc::most_correction;
+    recursive_ = pc::make_form<double>(chain_, false);
     effort_.resize(static_cast<std::size_t>(joint_count));
   }
   Model(const Model&) = delete;
@@ -61,24 +64,27 @@ class Model {
   const pc::Chain& chain() const { return chain_; }
   pc::JointForces forces;
 
-  std::pair<Array, int> forward_dynamics(const Array& position, const Array& velocity, const Array& effort) {
+  std::pair<Array, int> forward_dynamics(const Array& position, const Array& velocity, const Array& effort,
+                                         bool dense) {
     Array acceleration(chain_.joint_count);
     std::copy(effort.data(), effort.data() + chain_.joint_count, effort_.begin());
     forces.add_passive(position.data(), velocity.data(), effort_.data());
     const int joint =
-        recursion_->forward(position.data(), velocity.data(), effort_.data(), acceleration.mutable_data());
+        form(dense).forward(position.data(), velocity.data(), effort_.data(), acceleration.mutable_data());
     return {acceleration, joint};
   }
 
   // The same evaluation in a compiled loop, each from a slightly different angle, for timing alone.
-  double evaluate_repeatedly(const Array& position, const Array& velocity, const Array& effort, std::int64_t count) {
+  double evaluate_repeatedly(const Array& position, const Array& velocity, const Array& effort, std::int64_t count,
+                             bool dense) {
     std::vector<double> q(position.data(), position.data() + chain_.joint_count), acceleration(effort_.size());
     std::copy(effort.data(), effort.data() + chain_.joint_count, effort_.begin());
     double sum = 0.0;
+    pc::Form& chosen = form(dense);
     py::gil_scoped_release release;
     for (std::int64_t k = 0; k < count; ++k) {
       q[0] += 1e-9;
-      recursion_->forward(q.data(), velocity.data(), effort_.data(), acceleration.data());
+      chosen.forward(q.data(), velocity.data(), effort_.data(), acceleration.data());
       sum += acceleration[0];
     }
     return sum;
@@ -116,8 +122,14 @@ class Model {
   }
 
  private:
+  pc::Form& form(bool dense) {
+    if (dense && !dense_) dense_ = pc::make_form<double>(chain_, true);  // its matrix is made for those who ask for it
+    return dense ? *dense_ : *recursive_;
+  }
+
   pc::Chain chain_;
   std::optional<pc::Recursion> recursion_;
+  std::unique_ptr<pc::Form> recursive_, dense_;
   std::vector<double> effort_;
 };
 
@@ -161,10 +173,11 @@ std::unique_ptr<pc::Integrator> make_integrator(const MethodData& data, const pc
 // State, method and workspace of one simulation. Ticks are counted by Python.
 class Stepper {
  public:
-  Stepper(const Model& model, const MethodData& method, double step)
+  Stepper(const Model& model, const MethodData& method, double step, bool dense)
       : forces_(model.forces), state_(model.chain().joint_count), effort_(state_.position.size()),
-        latched_(state_.position.size()), zero_(state_.position.size()), step_(step), form_(model.chain()),
-        integrator_(make_integrator(method, model.chain(), form_, forces_, step)) {}
+        latched_(state_.position.size()), zero_(state_.position.size()), step_(step),
+        form_(pc::make_form<double>(model.chain(), dense)),
+        integrator_(make_integrator(method, model.chain(), *form_, forces_, step)) {}
   Stepper(const Stepper&) = delete;
 
   // Goes on from `now` s, at tick `tick` or behind it, where the arguments are whole: an int >= 0; None or a finite array of (joints,) or (ticks, joints); None or
@@ -267,7 +280,7 @@ class Stepper {
   pc::JointState state_;
   std::vector<double> effort_, latched_, zero_;
   const double step_;
-  pc::Recursion form_;
+  std::unique_ptr<pc::Form> form_;
   std::unique_ptr<pc::Integrator> integrator_;
 };
 
@@ -299,8 +312,11 @@ PYBIND11_MODULE(_kernel, module) {
       .def("add_stop", [](Model& m, int joint, double lower, double upper) {
         m.forces.stops.push_back({joint, lower, upper});
       })
-      .def("forward_dynamics", &Model::forward_dynamics)
-      .def("evaluate_repeatedly", &Model::evaluate_repeatedly)
+      .def("forward_dynamics", &Model::forward_dynamics, py::arg("position"), py::arg("velocity"), py::arg("effort"),
+           py::arg("dense") = false)
+      .def("evaluate_repeatedly", &Model::evaluate_repeatedly, py::arg("position"), py::arg("velocity"),
+           py::arg("effort"), py::arg("count"), py::arg("dense") = false)
+      .def_property_readonly("refined", [](const Model& m) { return m.chain().refined; })
       .def("inverse_dynamics", &Model::inverse_dynamics)
       .def("mass_matrix", &Model::mass_matrix)
       .def("energy", &Model::energy);
@@ -312,7 +328,7 @@ PYBIND11_MODULE(_kernel, module) {
            py::arg("fixed") = 0.0);
 
   py::class_<Stepper>(module, "Stepper")
-      .def(py::init<const Model&, const MethodData&, double>(), py::keep_alive<1, 2>())
+      .def(py::init<const Model&, const MethodData&, double, bool>(), py::keep_alive<1, 2>())
       .def("advance", &Stepper::advance)
       .def("reach", &Stepper::reach)
       .def("set_state", &Stepper::set_state)
