@@ -57,7 +57,9 @@ def book_case(case):
 def test_fifty_digit_accelerations(case, form):
     chain, position, velocity, effort, wanted = book_case(case)
     got = pcs.forward_dynamics(chain, position, velocity, effort, form)
-    assert np.abs(got - wanted).max() <= 10.0 * EPS * np.abs(wanted).max()      # the worst of the six is 4.3
+    # the worst of the others is 4.3; the dense solve owes cond(H) eps, 158 and 310 here, and takes 10 and 17
+    limit = 0.1 * np.linalg.cond(pcs.mass_matrix(chain, position)) if form == 'dense' else 10.0
+    assert np.abs(got - wanted).max() <= limit * EPS * np.abs(wanted).max()
 
 
 @pytest.mark.parametrize('energy', [pcs.energy, invariants.energy], ids=['kernel', 'reference'])

@@ -29,9 +29,9 @@ class UnrolledDenseOf final : public WideForm<UnrolledDenseOf<N, Real>, Real> {
 
   int evaluate(const Real* position, const Real* velocity, const Real* effort, Real* acceleration) {
     good_ = Real(0.0) < Real(1.0);
-    alignas(32) Real angle[W], turning[W], s[W], c[W], rx[W], ry[W], dx[W], dy[W], x[W], H[N][N];
+    Real angle[W], turning[W], s[W], c[W], rx[W], ry[W], dx[W], dy[W], x[N], H[N][N];
     turn(position, velocity, angle, turning);
-    sine_cosine_each(angle, s, c, W);
+    take_sines(angle, s, c);
     for (int i = 0; i < W; ++i) {
       rx[i] = offset_x_[i] * c[i] - offset_y_[i] * s[i], ry[i] = offset_x_[i] * s[i] + offset_y_[i] * c[i];  // R_(i+1)
       dx[i] = moment_x_[i] * c[i] - moment_y_[i] * s[i], dy[i] = moment_x_[i] * s[i] + moment_y_[i] * c[i];  // D_i
@@ -51,6 +51,14 @@ class UnrolledDenseOf final : public WideForm<UnrolledDenseOf<N, Real>, Real> {
 
  private:
   static constexpr int W = N <= 2 ? N : (N + 3) / 4 * 4;  // whole vectors
+
+  static void take_sines(const Real* angle, Real* s, Real* c) {
+    if constexpr (N != 2 || lanes_in<Real> != 1) return sine_cosine_each(angle, s, c, W);
+    Lanes<2> both, sines, cosines;  // no loop is made of two
+    set_lane(both, 0, angle[0]), set_lane(both, 1, angle[1]);
+    sine_cosine(both, sines, cosines);
+    for (int i = 0; i < N; ++i) s[i] = lane(sines, i), c[i] = lane(cosines, i);
+  }
 
   // phi = P^T theta and -phi'^2.
   void turn(const Real* position, const Real* velocity, Real* angle, Real* turning) const {
@@ -82,27 +90,30 @@ class UnrolledDenseOf final : public WideForm<UnrolledDenseOf<N, Real>, Real> {
     }
   }
 
-  // L D L^T of H in place, leaf to root as in the recursion, and both substitutions.
+  // L D L^T of H in place, leaf to root as in the recursion, and both substitutions. The next pivot is made of squares,
+  // which need not wait for the division.
   int solve(Real (&H)[N][N], Real* x, Real* acceleration) {
-    Real inverse[N];
 #pragma GCC unroll 16
     for (int k = N - 1; k >= 0; --k) {
       if (stops_at(H[k][k] > Real(least_[k]))) return k;
-      inverse[k] = 1.0 / H[k][k];
+      const Real inverse = 1.0 / H[k][k];
 #pragma GCC unroll 16
       for (int j = 0; j < k; ++j) {
-        const Real l = H[k][j] * inverse[k];
+        const Real l = H[k][j] * inverse;
 #pragma GCC unroll 16
-        for (int i = 0; i <= j; ++i) H[j][i] -= l * H[k][i];
+        for (int i = 0; i < j; ++i) H[j][i] -= l * H[k][i];
+        H[j][j] -= (H[k][j] * H[k][j]) * inverse;
         x[j] -= l * x[k];
       }
+#pragma GCC unroll 16
+      for (int j = 0; j < k; ++j) H[k][j] *= inverse;
+      x[k] *= inverse;
     }
     Real before = 0.0;
 #pragma GCC unroll 16
     for (int k = 0; k < N; ++k) {
 #pragma GCC unroll 16
       for (int i = 0; i < k; ++i) x[k] -= H[k][i] * x[i];
-      x[k] = x[k] * inverse[k];
       acceleration[k] = sign_[k] * (x[k] - before), before = x[k];
     }
     return -1;
@@ -116,7 +127,7 @@ class UnrolledDenseOf final : public WideForm<UnrolledDenseOf<N, Real>, Real> {
 
   const double gravity_x_, gravity_y_;
   double sign_[W] = {}, inertia_[W] = {}, least_[W] = {};
-  alignas(32) double offset_x_[W] = {}, offset_y_[W] = {}, moment_x_[W] = {}, moment_y_[W] = {};
+  double offset_x_[W] = {}, offset_y_[W] = {}, moment_x_[W] = {}, moment_y_[W] = {};
   Truth<Real> good_{};
 };
 
