@@ -53,8 +53,8 @@ def forward_dynamics(chain: Chain, position, velocity, effort, form: str = 'auto
     Joint accelerations (joints,), rad/s^2 or m/s^2, under joint efforts in N m or N.
 
     Gravity, damping, springs and the friction of moving joints act; the effort is not clamped and stops are not known.
-    `form`: 'recursive', O(n) elimination by equations.md 6.2 and 6.3; 'dense', the mass matrix of equations.md 3, O(n^3);
-    'reference', (5.87) and (5.88) as matrices in NumPy; 'auto', the fastest for the chain's shape, which the plan names.
+    `form`: 'recursive', O(n) elimination by equations.md 6.2 and 6.3; 'dense', the mass matrix of equations.md 3,
+    O(n^3); 'reference', (5.87) and (5.88) as matrices in NumPy; 'auto', what suits the chain's shape: the plan says.
     ValueError: bad shape, non-finite value, unknown form. SimulationError: singular configuration, names the joint.
     """
     position, velocity, effort = _joint_arrays(chain, position=position, velocity=velocity, effort=effort)

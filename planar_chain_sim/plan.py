@@ -11,9 +11,9 @@ from .chain import Chain
 from .joint_forces import has_stop, JOINT_FORCES, teach_kernel
 from .path_matrix import merge_welded
 
-# Links up to which the dense form is worth it for a serial chain that only turns. Measured once, uniform rods, gcc 12,
-# 3 GHz x86-64 core with AVX2, dense against recursion in ns: 170 and 194 at 6 links, 205 and 215 at 7, 243 and 241 at 8.
-# The recursion keeps about a digit more, so what is nearly a tie goes to it.
+# Links up to which the dense form is worth it for a serial chain that only turns. Measured once: uniform rods, gcc 12,
+# a 3 GHz x86-64 core with AVX2, dense and recursion in ns: 170, 194 at 6 links, 205, 215 at 7, 243, 241 at 8. The
+# recursion keeps about a digit more, so what is nearly a tie goes to it.
 DENSE_LINKS = 6
 
 

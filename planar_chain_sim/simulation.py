@@ -60,7 +60,8 @@ class Simulation:
         if not (isinstance(step, (int, float, np.floating)) and np.isfinite(step) and step > 0):
             raise ValueError(f'step is {step!r}, must be a positive finite number of seconds')
         if form == 'reference':
-            raise ValueError("form is 'reference', must be 'auto', 'dense' or 'recursive': only compiled forms are integrated")
+            raise ValueError("form is 'reference', must be 'auto', 'dense' or 'recursive': "
+                             'only compiled forms are integrated')
         sticky = next((joint.name for joint in chain.joints if joint.friction > 0.0), None)
         if sticky is not None:
             raise ValueError(f"joint '{sticky}' of {chain.name} has `friction`, "

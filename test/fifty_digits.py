@@ -1,8 +1,8 @@
 """Accelerations to 50 digits: whatever solves inverse dynamics, in mpmath, is right."""
 import dataclasses
 
-import numpy as np
 from mpmath import mp, mpc, mpf
+import numpy as np
 
 import planar_chain_sim as pcs
 from planar_chain_sim.chain import BASE

@@ -37,7 +37,8 @@ def states(joints):
     yield random.normal(0.0, 1.5, joints), random.normal(0.0, 1.0, joints)
 
 
-@pytest.mark.parametrize('count, ratio', [(512, 1.0), (512, 1e6), (10, 1e6), (10, 1e-6), (6, 1e6), (10, 1e9), (64, 1e4)])
+@pytest.mark.parametrize('count, ratio',
+                         [(512, 1.0), (512, 1e6), (10, 1e6), (10, 1e-6), (6, 1e6), (10, 1e9), (64, 1e4)])
 def test_one_evaluation_keeps_thirteen_digits(count, ratio):
     """The worst of these is 4e-15; with no refinement a ratio of 1e6 leaves 1e-10."""
     chain = rods_with_tip(count, ratio)
@@ -49,13 +50,12 @@ def test_one_evaluation_keeps_thirteen_digits(count, ratio):
 
 
 def test_a_heavy_body_on_a_branch_and_on_a_slide_is_refined_too():
-    def link(i, carrier, mass, **joints):
-        return Body(f'b{i}', carrier, 0.5 + 0j, 0.3, mass, 0.2 + 0.1j, 0.06 * mass, 0.01 * mass, **joints)
-    turn = {'slide': None, 'rotation': None}
-    bodies = [link(i, i - 1, 1.0, **{**turn, 'rotation': Joint(f'r{i}', 'rotation', 1.0)}) for i in range(6)]
-    bodies.append(link(6, 3, 0.5, **{**turn, 'slide': Joint('s6', 'slide', 0.4), 'rotation': Joint('r6', 'rotation', -1.0)}))
-    bodies.append(link(7, 5, 1e6, **{**turn, 'slide': Joint('s7', 'slide', 1.1)}))
-    bodies.append(link(8, 7, 1e6, **{**turn, 'rotation': Joint('r8', 'rotation', 1.0)}))
+    def link(i, carrier, mass, slide=None, rotation=None):
+        return Body(f'b{i}', carrier, 0.5 + 0j, 0.3, mass, 0.2 + 0.1j, 0.06 * mass, 0.01 * mass, slide, rotation)
+    bodies = [link(i, i - 1, 1.0, rotation=Joint(f'r{i}', 'rotation', 1.0)) for i in range(6)]
+    bodies.append(link(6, 3, 0.5, slide=Joint('s6', 'slide', 0.4), rotation=Joint('r6', 'rotation', -1.0)))
+    bodies.append(link(7, 5, 1e6, slide=Joint('s7', 'slide', 1.1)))
+    bodies.append(link(8, 7, 1e6, rotation=Joint('r8', 'rotation', 1.0)))
     chain = Chain('hoist', -9.81j, tuple(bodies))
     assert plan_of(chain).model.refined and 'iterative refinement' in str(plan_of(chain))
     for seed in range(5):
@@ -112,7 +112,8 @@ def test_auto_is_a_rule_on_the_shape_of_the_chain(links):
     assert plan_of(chain).form == form == pcs.Simulation(chain).form
     other = {'dense': 'recursive', 'recursive': 'dense'}[form]
     position, velocity = 0.2 * np.sin(np.arange(links)), 0.3 * np.cos(np.arange(links))
-    auto, named, twin = (pcs.forward_dynamics(chain, position, velocity, velocity, name) for name in ('auto', form, other))
+    auto, named, twin = (pcs.forward_dynamics(chain, position, velocity, velocity, name)
+                         for name in ('auto', form, other))
     assert auto.tobytes() == named.tobytes() != twin.tobytes()
     runs = {name: pcs.rollout(chain, 0.05, method='rk4', form=name).position for name in ('auto', form, other)}
     assert runs['auto'].tobytes() == runs[form].tobytes() != runs[other].tobytes()

@@ -1,6 +1,7 @@
 // The dense form for every chain: the mass matrix H of equations.md 3 entry by entry, right sides by running sums, and
 // L D L^T in place. In world axes, with R_u the lever of the child u of i towards j and X_j = m_j c_j turned:
-//   D_j = X_j + sum over children w of M_w R_w,  H_ij = R_u . D_j for i a proper carrier of j,  H_ii = J_i + sum M_w |R_w|^2,
+//   D_j = X_j + sum over children w of M_w R_w,  H_ii = J_i + sum M_w |R_w|^2,
+//   H_ij = R_u . D_j for i a proper carrier of j,
 //   K_iv = D_i for v = i or a carrier of i,  K_iv = M_v R_u for i a proper carrier of v.
 // Unknowns are the absolute angle of every link that turns and the displacement of every slide, at the joint's index.
 // A link that cannot turn shares the angle of its carrier: rows and columns of one group are summed (equations.md 5).
@@ -26,7 +27,6 @@ class DenseOf final : public WideForm<DenseOf<Real>, Real> {
   }
 
   int evaluate(const Real* position, const Real* velocity, const Real* effort, Real* acceleration) {
-    good_ = Real(0.0) < Real(1.0);
     place(position, velocity);
     load(velocity, effort);
     assemble();
@@ -35,15 +35,12 @@ class DenseOf final : public WideForm<DenseOf<Real>, Real> {
     return singular;
   }
 
-  // As in RecursionOf.
-  const Truth<Real>& good() const { return good_; }
-
  private:
   struct LinkState {  // slot 0 is the base, at rest
     Real angle = 0.0, rate = 0.0, cosine = 1.0, sine = 0.0;
     Vec moment, first_moment;          // X_i, D_i
     Vec lever, slide_axis;             // R_i, chi_i
-    Vec acceleration, force;           // of the joint point at zero H^-1 effort; F_i
+    Vec acceleration, force;           // of the joint point where no joint accelerates; F_i there
     Real scale = 0.0;                  // what the pivot is compared with
   };
 
@@ -58,7 +55,10 @@ class DenseOf final : public WideForm<DenseOf<Real>, Real> {
       const LinkState& p = state_[link.carrier];
       LinkState& s = state_[i];
       s.angle = p.angle, s.rate = p.rate;
-      if (link.rotation >= 0) s.angle += link.sign * position[link.rotation], s.rate += link.sign * velocity[link.rotation];
+      if (link.rotation >= 0) {
+        s.angle += link.sign * position[link.rotation];
+        s.rate += link.sign * velocity[link.rotation];
+      }
       sine_cosine(s.angle, s.sine, s.cosine);
       s.lever = rotate(link.offset_x, link.offset_y, p.cosine, p.sine);
       if (link.slide >= 0) {
@@ -75,7 +75,8 @@ class DenseOf final : public WideForm<DenseOf<Real>, Real> {
     }
   }
 
-  // Right sides of (5.87) and (5.88): Q = S tau and f less what the motion at zero phi'' and x'' asks for.
+  // Right sides of (5.87) and (5.88): Q = S tau and f less what the motion at zero phi'' and x'' asks for, with gravity
+  // in it as a_0 = -g.
   void load(const Real* velocity, const Real* effort) {
     std::fill(unknown_.begin(), unknown_.end(), Real(0.0));
     state_[0].acceleration = Vec{-chain_.gravity_x, -chain_.gravity_y};
@@ -91,19 +92,19 @@ class DenseOf final : public WideForm<DenseOf<Real>, Real> {
       const Link& link = chain_.links[i];
       const LinkState& s = state_[i];
       const int own = angle_of_[i], carrier = angle_of_[link.carrier];
-      if (own >= 0) unknown_[own] -= dot(perp(s.moment), s.acceleration);
-      if (carrier >= 0) unknown_[carrier] -= dot(perp(s.lever), s.force);
+      if (own >= 0) unknown_[own] -= dot(perp(s.moment), s.acceleration);  // (5.87), m c u^ . a
+      if (carrier >= 0) unknown_[carrier] -= dot(perp(s.lever), s.force);  // (5.87), (r a^ + x b^) . F
       if (link.rotation >= 0) {
         const Real torque = link.sign * effort[link.rotation];
         unknown_[own] += torque;
         if (carrier >= 0) unknown_[carrier] -= torque;
       }
-      if (link.slide >= 0) unknown_[link.slide] += effort[link.slide] - dot(s.slide_axis, s.force);
+      if (link.slide >= 0) unknown_[link.slide] += effort[link.slide] - dot(s.slide_axis, s.force);  // (5.88)
       if (link.carrier != 0) state_[link.carrier].force = state_[link.carrier].force + s.force;
     }
   }
 
-  // H, its lower triangle.
+  // H, its lower triangle: coefficients of phi'' and x'' in (5.87) and (5.88).
   void assemble() {
     std::fill(matrix_.begin(), matrix_.end(), Real(0.0));
     for (int j = 1; j <= chain_.link_count(); ++j) {
@@ -131,13 +132,14 @@ class DenseOf final : public WideForm<DenseOf<Real>, Real> {
     const LinkState &s = state_[j], &t = state_[i];
     const int own = angle_of_[j], other = angle_of_[i];
     if (own >= 0 && other >= 0) {
-      const Real shared = dot(state_[u].lever, s.first_moment);  // R_u . D_j
+      const Real shared = dot(state_[u].lever, s.first_moment);  // H_ij = R_u . D_j
       entry(own, other) += own == other ? 2.0 * shared : shared;
     }
-    if (link.slide >= 0 && other >= 0)
+    if (link.slide >= 0 && other >= 0)  // (j K_iv) . chi_v with K_iv = M_v R_u
       entry(other, link.slide) += link.outboard_mass * dot(perp(state_[u].lever), s.slide_axis);
-    if (inner.slide >= 0 && own >= 0) entry(own, inner.slide) += dot(perp(s.first_moment), t.slide_axis);
-    if (inner.slide >= 0 && link.slide >= 0)
+    if (inner.slide >= 0 && own >= 0)  // with K_jv = D_j
+      entry(own, inner.slide) += dot(perp(s.first_moment), t.slide_axis);
+    if (inner.slide >= 0 && link.slide >= 0)  // M_vw chi_v . chi_w
       entry(link.slide, inner.slide) += link.outboard_mass * dot(s.slide_axis, t.slide_axis);
   }
 
@@ -161,12 +163,7 @@ class DenseOf final : public WideForm<DenseOf<Real>, Real> {
   // Takes unknown k out of those before it; true where its pivot is none.
   bool eliminate(int k, const Real& scale) {
     Real* const row = &matrix_[std::size_t(k) * count_];
-    const Truth<Real> pivot_is_one = row[k] > singular_pivot * scale;
-    if constexpr (lanes_in<Real> == 1) {
-      if (!pivot_is_one) return true;
-    } else {
-      good_ = good_ & pivot_is_one;
-    }
+    if (this->stops_at(row[k] > singular_pivot * scale)) return true;
     inverse_[k] = 1.0 / row[k];
     for (int j = 0; j < k; ++j) {
       const Real share = row[j] * inverse_[k];
@@ -199,7 +196,6 @@ class DenseOf final : public WideForm<DenseOf<Real>, Real> {
   std::vector<int> angle_of_;  // joint whose angle a link turns with, -1: none, it stands
   std::vector<LinkState> state_;
   std::vector<Real> matrix_, unknown_, inverse_;
-  Truth<Real> good_{};
 };
 
 }  // namespace planar_chain

@@ -28,7 +28,6 @@ class UnrolledDenseOf final : public WideForm<UnrolledDenseOf<N, Real>, Real> {
   }
 
   int evaluate(const Real* position, const Real* velocity, const Real* effort, Real* acceleration) {
-    good_ = Real(0.0) < Real(1.0);
     Real angle[W], turning[W], s[W], c[W], rx[W], ry[W], dx[W], dy[W], x[N], H[N][N];
     turn(position, velocity, angle, turning);
     take_sines(angle, s, c);
@@ -40,14 +39,11 @@ class UnrolledDenseOf final : public WideForm<UnrolledDenseOf<N, Real>, Real> {
 #pragma GCC unroll 16
     for (int j = 0; j < N; ++j) {
 #pragma GCC unroll 16
-      for (int i = 0; i < j; ++i) H[j][i] = dx[j] * rx[i] + dy[j] * ry[i];
+      for (int i = 0; i < j; ++i) H[j][i] = dx[j] * rx[i] + dy[j] * ry[i];  // (5.87), R_u . D_j
       H[j][j] = inertia_[j];
     }
     return solve(H, x, acceleration);
   }
-
-  // As in RecursionOf.
-  const Truth<Real>& good() const { return good_; }
 
  private:
   static constexpr int W = N <= 2 ? N : (N + 3) / 4 * 4;  // whole vectors
@@ -95,7 +91,7 @@ class UnrolledDenseOf final : public WideForm<UnrolledDenseOf<N, Real>, Real> {
   int solve(Real (&H)[N][N], Real* x, Real* acceleration) {
 #pragma GCC unroll 16
     for (int k = N - 1; k >= 0; --k) {
-      if (stops_at(H[k][k] > Real(least_[k]))) return k;
+      if (this->stops_at(H[k][k] > Real(least_[k]))) return k;
       const Real inverse = 1.0 / H[k][k];
 #pragma GCC unroll 16
       for (int j = 0; j < k; ++j) {
@@ -119,16 +115,9 @@ class UnrolledDenseOf final : public WideForm<UnrolledDenseOf<N, Real>, Real> {
     return -1;
   }
 
-  bool stops_at(const Truth<Real>& pivot_is_one) {
-    if constexpr (lanes_in<Real> == 1) return !pivot_is_one;
-    good_ = good_ & pivot_is_one;
-    return false;
-  }
-
   const double gravity_x_, gravity_y_;
   double sign_[W] = {}, inertia_[W] = {}, least_[W] = {};
   double offset_x_[W] = {}, offset_y_[W] = {}, moment_x_[W] = {}, moment_y_[W] = {};
-  Truth<Real> good_{};
 };
 
 }  // namespace planar_chain

@@ -27,8 +27,8 @@ class SerialRecursionOf final : public WideForm<SerialRecursionOf<Real>, Real> {
   }
 
   explicit SerialRecursionOf(const Chain& chain)
-      : count_(chain.link_count()), padded_((count_ + 3) / 4 * 4), stride_((padded_ + 7) / 8 / 2 * 16 + 8), gravity_x_(chain.gravity_x),
-        gravity_y_(chain.gravity_y), constants_(std::size_t(stride_) * constant_rows),
+      : count_(chain.link_count()), padded_((count_ + 3) / 4 * 4), stride_((padded_ + 7) / 8 / 2 * 16 + 8),
+        gravity_x_(chain.gravity_x), gravity_y_(chain.gravity_y), constants_(std::size_t(stride_) * constant_rows),
         state_(std::size_t(stride_) * state_rows, Real(0.0)) {
     for (int i = 0; i < count_; ++i) {
       const Link& link = chain.links[i + 1];
@@ -40,16 +40,12 @@ class SerialRecursionOf final : public WideForm<SerialRecursionOf<Real>, Real> {
   }
 
   int evaluate(const Real* position, const Real* velocity, const Real* effort, Real* acceleration) {
-    good_ = Real(0.0) < Real(1.0);
     turn(position, velocity);
     place();
     const int singular = eliminate(effort);
     if (singular < 0) substitute(acceleration);
     return singular;
   }
-
-  // As in RecursionOf.
-  const Truth<Real>& good() const { return good_; }
 
  private:
   enum Constant { sign, mass, inertia, least, moment_x, moment_y, offset_x, offset_y, constant_rows };
@@ -75,7 +71,8 @@ class SerialRecursionOf final : public WideForm<SerialRecursionOf<Real>, Real> {
   // First moments and levers in world axes, and what depends on them alone.
   void place() {
     sine_cosine_each(row(angle), row(sine), row(cosine), padded_);
-    const double *const mx = row(moment_x), *const my = row(moment_y), *const ox = row(offset_x), *const oy = row(offset_y);
+    const double *const mx = row(moment_x), *const my = row(moment_y), *const ox = row(offset_x),
+                 *const oy = row(offset_y);
     const Real *const s = row(sine), *const c = row(cosine), *const w = row(turning);
     Real *const hx = row(coupling_x), *const hy = row(coupling_y), *const qx = row(bias_x), *const qy = row(bias_y),
          *const sx = row(lever_x), *const sy = row(lever_y), *const kx = row(carried_x), *const ky = row(carried_y);
@@ -99,7 +96,7 @@ class SerialRecursionOf final : public WideForm<SerialRecursionOf<Real>, Real> {
     Real axx = 0.0, axy = 0.0, ayy = 0.0, cx = 0.0, cy = 0.0, bx = 0.0, by = 0.0, torque = 0.0;
     Real pivot = own[count_ - 1];
     for (int i = count_ - 1;; --i) {
-      if (stops_at(pivot > Real(limit[i]))) return i;
+      if (this->stops_at(pivot > Real(limit[i]))) return i;
       const Real inverse = 1.0 / pivot;
       const Real bxx = m[i] + axx, byy = m[i] + ayy, hx = cx + ownx[i], hy = cy + owny[i];
       const Real reaction = signs[i] * effort[i], t = torque + reaction;  // Q_phi = S tau
@@ -134,17 +131,11 @@ class SerialRecursionOf final : public WideForm<SerialRecursionOf<Real>, Real> {
     }
   }
 
-  bool stops_at(const Truth<Real>& pivot_is_one) {
-    if constexpr (lanes_in<Real> == 1) return !pivot_is_one;
-    good_ = good_ & pivot_is_one;
-    return false;
-  }
-
-  const int count_, padded_, stride_;  // links; rounded up to a vector; an odd number of cache lines: rows then do not collide
+  const int count_, padded_;  // links; the same rounded up to whole vectors
+  const int stride_;          // an odd number of cache lines, so that the rows of a long chain do not collide
   const double gravity_x_, gravity_y_;
   std::vector<double> constants_;
   std::vector<Real> state_;
-  Truth<Real> good_{};
 };
 
 using SerialRecursion = SerialRecursionOf<double>;

@@ -1,5 +1,5 @@
-// The recursion with one step of iterative refinement (equations.md 7), for chains whose pivots lose digits: a heavy body
-// at the end of light ones.
+// The recursion with one step of iterative refinement (equations.md 7), for chains whose pivots lose digits: a heavy
+// body at the end of light ones.
 #pragma once
 
 #include <cmath>
