@@ -7,7 +7,7 @@ from . import equations_of_motion
 from .chain import Chain
 from .plan import plan_of
 
-FORMS = ('reference', 'recursive', 'auto')
+FORMS = ('reference', 'dense', 'recursive', 'auto')
 
 
 class SimulationError(RuntimeError):
@@ -37,11 +37,11 @@ def joint_array(name: str, values, shape: tuple) -> np.ndarray:
     return array
 
 
-def check_form(form: str) -> str:
-    """Resolve `auto`; ValueError names the forms there are."""
+def resolve_form(chain: Chain, form: str) -> str:
+    """`form`, with what the chain's shape makes of 'auto'; ValueError names the forms there are."""
     if form not in FORMS:
         raise ValueError(f'form is {form!r}, must be one of {", ".join(map(repr, FORMS))}')
-    return 'recursive' if form == 'auto' else form
+    return plan_of(chain).form if form == 'auto' else form
 
 
 def _joint_arrays(chain: Chain, **arrays):
@@ -53,12 +53,13 @@ def forward_dynamics(chain: Chain, position, velocity, effort, form: str = 'auto
     Joint accelerations (joints,), rad/s^2 or m/s^2, under joint efforts in N m or N.
 
     Gravity, damping, springs and the friction of moving joints act; the effort is not clamped and stops are not known.
-    `form`: 'recursive', O(n) elimination by equations.md 6.2 and 6.3, or 'reference', (5.87) and (5.88) as matrices.
+    `form`: 'recursive', O(n) elimination by equations.md 6.2 and 6.3; 'dense', the mass matrix of equations.md 3,
+    O(n^3); 'reference', (5.87) and (5.88) as matrices in NumPy; 'auto', what suits the chain's shape: the plan says.
     ValueError: bad shape, non-finite value, unknown form. SimulationError: singular configuration, names the joint.
     """
     position, velocity, effort = _joint_arrays(chain, position=position, velocity=velocity, effort=effort)
-    form = check_form(form)
-    acceleration, joint = plan_of(chain).model.forward_dynamics(position, velocity, effort)
+    form = resolve_form(chain, form)
+    acceleration, joint = plan_of(chain).model.forward_dynamics(position, velocity, effort, form == 'dense')
     if joint < 0 and form == 'reference':
         acceleration = equations_of_motion.forward_dynamics(chain, position, velocity, effort)
     if joint >= 0 or not np.isfinite(acceleration).all():

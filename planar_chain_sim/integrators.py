@@ -85,6 +85,8 @@ METHODS = {method.name: method for method in (
 
 AUTO = 'taylor'
 
+UNROLLED_SERIES = 8  # joints up to which the kernel has Taylor series unrolled for their number
+
 
 def taylor_order(tolerance: float) -> int:
     """

@@ -8,8 +8,8 @@ import numpy as np
 
 from . import _kernel
 from .chain import Chain
-from .dynamics import check_form, forward_dynamics, joint_array, SimulationError
-from .integrators import AUTO, DEFAULT_TOLERANCE, method_data, METHODS, taylor_order
+from .dynamics import forward_dynamics, joint_array, resolve_form, SimulationError
+from .integrators import AUTO, DEFAULT_TOLERANCE, method_data, METHODS, taylor_order, UNROLLED_SERIES
 from .plan import plan_of
 
 # Outcomes of the kernel's step, in the order of `enum class Outcome` (kernel/integrators.hpp).
@@ -52,7 +52,7 @@ class Simulation:
     """
     A chain that moves tick by tick: tick k is at k * step, the effort is constant within a tick.
 
-    `step` s; `tolerance` belongs to adaptive methods; `form` as in forward_dynamics (the recursive one is integrated).
+    `step` s; `tolerance` belongs to adaptive methods; `form` as in forward_dynamics, one of the compiled.
     ValueError: bad method, step, tolerance or form; a chain with Coulomb friction, whose sticking is not simulated yet.
     """
 
@@ -60,18 +60,32 @@ class Simulation:
                  form: str = 'auto'):
         if not (isinstance(step, (int, float, np.floating)) and np.isfinite(step) and step > 0):
             raise ValueError(f'step is {step!r}, must be a positive finite number of seconds')
-        if check_form(form) != 'recursive':
-            raise ValueError(f"form is {form!r}, must be 'auto' or 'recursive': only compiled forms are integrated")
+        if form == 'reference':
+            raise ValueError("form is 'reference', must be 'auto', 'dense' or 'recursive': "
+                             'only compiled forms are integrated')
         sticky = next((joint.name for joint in chain.joints if joint.friction > 0.0), None)
         if sticky is not None:
             raise ValueError(f"joint '{sticky}' of {chain.name} has `friction`, "
                              'whose sticking this version does not simulate yet')
-        self.chain, self.step, self.form = chain, float(step), 'recursive'
+        self.chain, self.step = chain, float(step)
         self._row, self.tolerance = resolve_method(method, tolerance)
         self.method, self._asked = self._row.name, method
-        self._stepper = _kernel.Stepper(plan_of(chain).model, method_data(self._row, self.tolerance), self.step)
+        self.form, self._why_form = self._resolve_form(form)
+        self._stepper = _kernel.Stepper(plan_of(chain).model, method_data(self._row, self.tolerance), self.step,
+                                        self.form == 'dense')
         self._tick, self._between = 0, None
         self._stepper.set_state(*initial_state(chain))
+
+    def _resolve_form(self, form: str) -> tuple[str, str]:
+        """Form of the equations that is integrated, and why where 'auto' was asked for or there is no other."""
+        resolved = resolve_form(self.chain, form)
+        if self._row.family != 'taylor':
+            return resolved, plan_of(self.chain).why_form if form == 'auto' else ''
+        if self.chain.joint_count > UNROLLED_SERIES:
+            return 'recursive', f' (the series of more than {UNROLLED_SERIES} joints is not unrolled)'
+        if form == 'auto':
+            return 'dense', f' (auto: the series of at most {UNROLLED_SERIES} joints is unrolled)'
+        return resolved, ''
 
     @property
     def tick(self) -> int:
@@ -115,7 +129,7 @@ class Simulation:
         why = ' (auto: the least work at every tolerance)' if self._asked == 'auto' else ''
         order = self._row.order or f'{taylor_order(self.tolerance)} for tolerance {self.tolerance:g}'
         return (f'{plan_of(self.chain)}; method {self.method}{why}, order {order}, tick {self.step:g} s; '
-                f'form {self.form}')
+                f'form {self.form}{self._why_form}')
 
     def set_state(self, position, velocity) -> None:
         """

@@ -34,7 +34,7 @@ def test_time_is_ticks_times_step_and_advance_to_lands_on_it():
     ({'step': 0.0}, 'step is 0.0, must be a positive'), ({'step': np.inf}, 'step is inf'),
     ({'step': '1'}, "step is '1'"),
     ({'method': 'rk4', 'tolerance': 1e-9}, "tolerance is 1e-09, must be None: method 'rk4' has a fixed step"),
-    ({'form': 'reference'}, "form is 'reference', must be 'auto' or 'recursive'"),
+    ({'form': 'reference'}, "form is 'reference', must be 'auto', 'dense' or 'recursive'"),
 ])
 def test_bad_settings_are_one_sentence(arguments, message):
     with pytest.raises(ValueError, match=message):
@@ -93,9 +93,9 @@ def test_a_callable_cannot_reach_the_run_through_its_arguments():
 def test_the_plan_says_what_is_used_and_skipped_and_merged():
     rods = pcs.Simulation(uniform_rods(4))
     assert rods.plan == (
-        '4 links, 4 joints, O(n) recursion; uses gravity; skips slides, branches, armature, damping, spring, friction, '
+        '4 links, 4 joints; uses gravity; skips slides, branches, armature, damping, spring, friction, '
         'effort limits, stops; method taylor (auto: the least work at every tolerance), order 17 for tolerance 1e-09, '
-        'tick 0.001 s; form recursive')
+        'tick 0.001 s; form dense (auto: the series of at most 8 joints is unrolled)')
     laws = {'damping': 1.0, 'stiffness': 1.0, 'friction': 1.0, 'armature': 1.0, 'effort_limit': 1.0, 'lower': 0.0}
     everything = Chain('all', 1 + 0j, (
         Body('b', -1, 0j, 0.0, 1.0, 0j, 1.0, 1.0, Joint('s', 'slide', 0.0, **laws), None),
@@ -103,7 +103,7 @@ def test_the_plan_says_what_is_used_and_skipped_and_merged():
         Body('d', 0, 0j, 0.0, 1.0, 0j, 1.0, 1.0, None, Joint('t', 'rotation', 1.0)),
         Body('e', 2, 0j, 0.0, 1.0, 0j, 1.0, 1.0)))
     assert str(plan_of(everything)) == (
-        '3 links, 3 joints, O(n) recursion; uses slides, branches, gravity, armature, damping, spring, friction, '
+        '3 links, 3 joints; uses slides, branches, gravity, armature, damping, spring, friction, '
         'effort limits, stops, welded bodies merged: 1; skips nothing')
     assert 'method rk4, order 4' in pcs.Simulation(uniform_rods(1), 'rk4').plan
 

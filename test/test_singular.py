@@ -48,7 +48,7 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize('form', ['reference', 'recursive'])
+@pytest.mark.parametrize('form', ['reference', 'dense', 'recursive'])
 @pytest.mark.parametrize('name', CASES)
 def test_threshold_of_the_guard(name, form):
     scale, bodies = CASES[name]

@@ -13,6 +13,7 @@
 
 #include "adaptive_runge_kutta.hpp"
 #include "chain.hpp"
+#include "forms.hpp"
 #include "gauss.hpp"
 #include "integrators.hpp"
 #include "jacobian.hpp"
@@ -59,6 +60,8 @@ class Model {
     }
     chain_.find_branches();
     recursion_.emplace(chain_);
+    chain_.refined = pc::largest_correction(chain_) > pc::most_correction;
+    recursive_ = pc::make_form<double>(chain_, false);
     effort_.resize(static_cast<std::size_t>(joint_count));
   }
   Model(const Model&) = delete;
@@ -66,24 +69,27 @@ class Model {
   const pc::Chain& chain() const { return chain_; }
   pc::JointForces forces;
 
-  std::pair<Array, int> forward_dynamics(const Array& position, const Array& velocity, const Array& effort) {
+  std::pair<Array, int> forward_dynamics(const Array& position, const Array& velocity, const Array& effort,
+                                         bool dense) {
     Array acceleration(chain_.joint_count);
     std::copy(effort.data(), effort.data() + chain_.joint_count, effort_.begin());
     forces.add_passive(position.data(), velocity.data(), effort_.data());
     const int joint =
-        recursion_->forward(position.data(), velocity.data(), effort_.data(), acceleration.mutable_data());
+        form(dense).forward(position.data(), velocity.data(), effort_.data(), acceleration.mutable_data());
     return {acceleration, joint};
   }
 
   // The same evaluation in a compiled loop, each from a slightly different angle, for timing alone.
-  double evaluate_repeatedly(const Array& position, const Array& velocity, const Array& effort, std::int64_t count) {
+  double evaluate_repeatedly(const Array& position, const Array& velocity, const Array& effort, std::int64_t count,
+                             bool dense) {
     std::vector<double> q(position.data(), position.data() + chain_.joint_count), acceleration(effort_.size());
     std::copy(effort.data(), effort.data() + chain_.joint_count, effort_.begin());
     double sum = 0.0;
+    pc::Form& chosen = form(dense);
     py::gil_scoped_release release;
     for (std::int64_t k = 0; k < count; ++k) {
       q[0] += 1e-9;
-      recursion_->forward(q.data(), velocity.data(), effort_.data(), acceleration.data());
+      chosen.forward(q.data(), velocity.data(), effort_.data(), acceleration.data());
       sum += acceleration[0];
     }
     return sum;
@@ -130,8 +136,14 @@ class Model {
   }
 
  private:
+  pc::Form& form(bool dense) {
+    if (dense && !dense_) dense_ = pc::make_form<double>(chain_, true);  // its matrix is made for those who ask for it
+    return dense ? *dense_ : *recursive_;
+  }
+
   pc::Chain chain_;
   std::optional<pc::Recursion> recursion_;
+  std::unique_ptr<pc::Form> recursive_, dense_;
   std::vector<double> effort_;
 };
 
@@ -143,7 +155,6 @@ struct MethodData {
   pc::Tableau tableau;
   double tolerance = 0.0;  // adaptive methods
   double fixed = 0.0;      // s: an adaptive method takes steps of this length, to measure its order; 0: its own
-  bool dense = true;       // whether a short chain's series is unrolled
 };
 
 // The first of `Sizes`, rising, that the chain fits into; null if it is larger than all.
@@ -161,8 +172,8 @@ std::unique_ptr<pc::Integrator> make_taylor_dense(const MethodData& data, const 
 }
 
 std::unique_ptr<pc::Integrator> make_taylor(const MethodData& data, const pc::Chain& chain,
-                                            const pc::JointForces& forces, double step) {
-  if (data.dense) {
+                                            const pc::JointForces& forces, double step, bool unrolled) {
+  if (unrolled) {
     bool slides = false;
     for (const pc::Link& link : chain.links) slides = slides || link.slide >= 0;
     auto dense = slides ? make_taylor_dense<true, 2, 4, 6, 8>(data, chain, forces, step)
@@ -173,9 +184,9 @@ std::unique_ptr<pc::Integrator> make_taylor(const MethodData& data, const pc::Ch
 }
 
 std::unique_ptr<pc::Integrator> make_integrator(const MethodData& data, const pc::Chain& chain, pc::Form& form,
-                                                const pc::JointForces& forces, double step) {
+                                                const pc::JointForces& forces, double step, bool dense) {
   const int joints = chain.joint_count;
-  if (data.family == "taylor") return make_taylor(data, chain, forces, step);
+  if (data.family == "taylor") return make_taylor(data, chain, forces, step, dense);
   if (data.family == "semi-implicit") return std::make_unique<pc::SemiImplicitEuler>(form, forces, joints, step);
   if (data.family == "Gauss") return std::make_unique<pc::Gauss>(form, forces, joints, data.tableau, step);
   if (data.family == "Rosenbrock")
@@ -190,17 +201,19 @@ std::unique_ptr<pc::Integrator> make_integrator(const MethodData& data, const pc
 // State, method and workspace of one simulation. Ticks are counted by Python.
 class Stepper {
  public:
-  Stepper(const Model& model, const MethodData& method, double step)
+  Stepper(const Model& model, const MethodData& method, double step, bool dense)
       : forces_(model.forces), state_(model.chain().joint_count), effort_(state_.position.size()),
-        latched_(state_.position.size()), zero_(state_.position.size()), step_(step), form_(model.chain()),
-        integrator_(make_integrator(method, model.chain(), form_, forces_, step)) {}
+        latched_(state_.position.size()), zero_(state_.position.size()), step_(step),
+        form_(pc::make_form<double>(model.chain(), dense)),
+        integrator_(make_integrator(method, model.chain(), *form_, forces_, step, dense)) {}
   Stepper(const Stepper&) = delete;
 
-  // Goes on from `now` s, at tick `tick` or behind it, where the arguments are whole: an int >= 0; None or a finite array of (joints,) or (ticks, joints); None or
-  // a tuple of arrays (ticks, joints) that take position, velocity and effort. Returns None when done, (ticks done,
-  // outcome, joint) where it stopped before, and False, with nothing moved, where Python is to check or convert an
-  // argument first: a controlled run comes here at every tick.
-  py::object advance(double now, std::int64_t tick, const py::handle& ticks_given, const py::handle& effort_given, const py::handle& record_given) {
+  // Goes on from `now` s, at tick `tick` or behind it, where the arguments are whole: an int >= 0; None or a finite array
+  // of (joints,) or (ticks, joints); None or a tuple of arrays (ticks, joints) that take position, velocity and effort.
+  // Returns None when done, (ticks done, outcome, joint) where it stopped before, and False, with nothing moved, where
+  // Python is to check or convert an argument first: a controlled run comes here at every tick.
+  py::object advance(double now, std::int64_t tick, const py::handle& ticks_given, const py::handle& effort_given,
+                     const py::handle& record_given) {
     const py::ssize_t joints = static_cast<py::ssize_t>(effort_.size());
     if (!PyLong_CheckExact(ticks_given.ptr())) return py::bool_(false);
     int overflow = 0;
@@ -296,7 +309,7 @@ class Stepper {
   pc::JointState state_;
   std::vector<double> effort_, latched_, zero_;
   const double step_;
-  pc::Recursion form_;
+  std::unique_ptr<pc::Form> form_;
   std::unique_ptr<pc::Integrator> integrator_;
 };
 
@@ -328,18 +341,20 @@ PYBIND11_MODULE(_kernel, module) {
       .def("add_stop", [](Model& m, int joint, double lower, double upper) {
         m.forces.stops.push_back({joint, lower, upper});
       })
-      .def("forward_dynamics", &Model::forward_dynamics)
-      .def("evaluate_repeatedly", &Model::evaluate_repeatedly)
+      .def("forward_dynamics", &Model::forward_dynamics, py::arg("position"), py::arg("velocity"), py::arg("effort"),
+           py::arg("dense") = false)
+      .def("evaluate_repeatedly", &Model::evaluate_repeatedly, py::arg("position"), py::arg("velocity"),
+           py::arg("effort"), py::arg("count"), py::arg("dense") = false)
+      .def_property_readonly("refined", [](const Model& m) { return m.chain().refined; })
       .def("inverse_dynamics", &Model::inverse_dynamics)
       .def("mass_matrix", &Model::mass_matrix)
       .def("derivatives", &Model::derivatives)
       .def("energy", &Model::energy);
 
   py::class_<MethodData>(module, "MethodData")
-      .def(py::init([](std::string family, int order, bool adaptive, double tolerance, double fixed, bool dense) {
-        return MethodData{family, order, adaptive, {}, tolerance, fixed, dense};
-      }), py::arg("family"), py::arg("order"), py::arg("adaptive"), py::arg("tolerance"), py::arg("fixed") = 0.0,
-           py::arg("dense") = true)
+      .def(py::init([](std::string family, int order, bool adaptive, double tolerance, double fixed) {
+        return MethodData{family, order, adaptive, {}, tolerance, fixed};
+      }), py::arg("family"), py::arg("order"), py::arg("adaptive"), py::arg("tolerance"), py::arg("fixed") = 0.0)
       .def("set_tableau", [](MethodData& data, int stages, std::vector<double> a, std::vector<double> b,
                              std::vector<double> error, std::vector<double> dense_a, std::vector<double> dense,
                              std::vector<double> c, double gamma) {
@@ -347,7 +362,7 @@ PYBIND11_MODULE(_kernel, module) {
       });
 
   py::class_<Stepper>(module, "Stepper")
-      .def(py::init<const Model&, const MethodData&, double>(), py::keep_alive<1, 2>())
+      .def(py::init<const Model&, const MethodData&, double, bool>(), py::keep_alive<1, 2>())
       .def("advance", &Stepper::advance)
       .def("reach", &Stepper::reach)
       .def("set_state", &Stepper::set_state)

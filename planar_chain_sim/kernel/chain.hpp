@@ -27,6 +27,7 @@ struct Link {
 struct Chain {
   std::vector<Link> links;  // slot 0 is the base and carries no data
   int joint_count = 0;
+  bool refined = false;     // whether one evaluation takes a step of iterative refinement
   double gravity_x = 0.0, gravity_y = 0.0;
 
   // Call once all carriers are known.

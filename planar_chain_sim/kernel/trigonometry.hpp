@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cmath>
+#include <type_traits>
 
 #include "lanes.hpp"
 
@@ -96,10 +97,10 @@ inline void sine_cosine(const Real& angle, Real& sine, Real& cosine) {
 // The same for `count` angles, where few are far.
 template <class Real>
 inline void sine_cosine_each(const Real* __restrict angle, Real* __restrict sine, Real* __restrict cosine, int count) {
-  Truth<Real> far = false;
+  std::conditional_t<lanes_in<Real> == 1, int, Truth<Real>> far = 0;  // an int, for the loop to become vectors
   for (int i = 0; i < count; ++i)
     far |= trigonometry::near_sine_cosine(angle[i], Real(0.0), sine[i], cosine[i]);
-  if (!any(far)) return;
+  if (!any(Truth<Real>(far))) return;
   for (int i = 0; i < count; ++i) sine_cosine(angle[i], sine[i], cosine[i]);
 }
 

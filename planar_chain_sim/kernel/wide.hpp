@@ -1,0 +1,50 @@
+// One function for the machine at hand: Form::forward compiled twice, for 256-bit vectors and for those that every
+// machine has. Without contraction both give the same bits.
+#pragma once
+
+#include "form.hpp"
+#include "lanes.hpp"
+
+#if defined(__GNUC__) && defined(__x86_64__) && defined(__linux__)
+#define PLANAR_CHAIN_WIDE __attribute__((target("avx2"), flatten))
+#define PLANAR_CHAIN_HAS_WIDE static_cast<bool>(__builtin_cpu_supports("avx2"))
+#else
+#define PLANAR_CHAIN_WIDE
+#define PLANAR_CHAIN_HAS_WIDE false
+#endif
+
+namespace planar_chain {
+
+// A form whose body is `evaluate` of `Body`, and its guard of pivots.
+template <class Body, class Real>
+class WideForm : public FormOf<Real> {
+ public:
+  int forward(const Real* position, const Real* velocity, const Real* effort, Real* acceleration) final {
+    good_ = Real(0.0) < Real(1.0);
+    if (lanes_in<Real> == 1 && wide_) return forward_wide(position, velocity, effort, acceleration);
+    return body().evaluate(position, velocity, effort, acceleration);
+  }
+
+  // After forward() of several scenes: which of them have all their pivots. The numbers of the others mean nothing.
+  const Truth<Real>& good() const { return good_; }
+
+ protected:
+  // A single scene ends where a pivot is none; of several the others go on.
+  bool stops_at(const Truth<Real>& pivot_is_one) {
+    if constexpr (lanes_in<Real> == 1) return !pivot_is_one;
+    good_ = good_ & pivot_is_one;
+    return false;
+  }
+
+ private:
+  PLANAR_CHAIN_WIDE int forward_wide(const Real* position, const Real* velocity, const Real* effort,
+                                     Real* acceleration) {
+    return body().evaluate(position, velocity, effort, acceleration);
+  }
+  Body& body() { return static_cast<Body&>(*this); }
+
+  Truth<Real> good_{};
+  const bool wide_ = PLANAR_CHAIN_HAS_WIDE;
+};
+
+}  // namespace planar_chain
