@@ -29,12 +29,13 @@ class Problem:
         return float(error) if np.isfinite(error) else float('inf')
 
 
-def uniform_rods(count: int, gravity: complex = -9.81j) -> Chain:
-    """Return a serial chain of `count` equal uniform rods in a row, 1 / count m and kg each; all angles zero."""
+def uniform_rods(count: int, gravity: complex = -9.81j, bend: float = 0.0) -> Chain:
+    """Return a serial chain of `count` equal uniform rods, 1 / count m and kg each; joint k stands at bend sin(k)."""
     length = mass = 1.0 / count
     return Chain(f'{count} rods', gravity, tuple(
         Body(f'rod{i}', i - 1, complex(length if i else 0.0), 0.0, mass, complex(length / 2), mass * length**2 / 3,
-             mass * length**2 / 12, None, Joint(f'joint{i}', 'rotation', 1.0)) for i in range(count)))
+             mass * length**2 / 12, None, Joint(f'joint{i}', 'rotation', 1.0, position=bend * float(np.sin(i))))
+        for i in range(count)))
 
 
 def configured(name: str) -> Chain:
@@ -60,5 +61,8 @@ PROBLEMS = {
           -0.09300093328294043563))),
     'seven_link_arm': Problem(
         'seven-link arm, damping 0.0005 N m s, 5 s', lambda: damped(configured('seven_link_arm'), 0.0005), 5.0,
-        ((0.0,) * 7, (0.0,) * 7)),
+        ((0.22472982186136744394, -0.22818813438137984571, -0.02747219527384953503, 0.2803196845409075717,
+          0.27120790494395038555, -0.11947525441869524301, -0.6836420906578125341),
+         (-0.31188716608025837989, 3.9629326084907029934, 2.5903316129344980799, 1.8926984731323739135,
+          -1.6568882906138297356, -17.098205771585545915, 46.021726909383713536))),
 }

@@ -126,3 +126,30 @@ def _cheapest(table: list[tuple]) -> tuple:
     """Return the least median and the least minimum, ms, of the rows that reach each of TARGETS; '' where none does."""
     return tuple(min((row[column] for row in table if row[5] <= target), default='')
                  for column in (9, 10) for target in TARGETS)
+
+
+def draw(table: list[tuple], path) -> None:
+    """Draw a panel per problem: each library's cheapest setting for each error in bold, its methods behind."""
+    from .charts import Chart
+    names = list(dict.fromkeys(row[0] for row in table))
+    chart = Chart(len(names), 'CPU time to reach an error, one core')
+    for panel, name in enumerate(names):
+        here = [row for row in table if row[0] == name and 1e-15 < row[5] < 0.1]
+        for library in dict.fromkeys(row[1] for row in here):
+            mine = [row for row in here if row[1] == library]
+            for method in dict.fromkeys(row[2] for row in mine):
+                chart.line(panel, [(row[5], row[9]) for row in mine if row[2] == method], library, library, bold=False)
+            chart.line(panel, _frontier([(row[5], row[9]) for row in mine]), library, library)
+        chart.axes(panel, PROBLEMS[name].title, 'largest joint error at the end, rad or m',
+                   '' if panel else 'CPU time, ms (median)', error=True)
+    chart.save(path)
+
+
+def _frontier(points: list[tuple]) -> list[tuple]:
+    """Return the points (error, time) than which no other is both finer and cheaper."""
+    kept, cheapest = [], np.inf
+    for error, time in sorted(points):
+        if time < cheapest:
+            kept.append((error, time))
+            cheapest = time
+    return kept

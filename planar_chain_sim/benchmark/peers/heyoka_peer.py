@@ -26,11 +26,26 @@ class Peer:
         self.version = heyoka.__version__
         self._heyoka = heyoka
 
-    def integration(self, chain: Chain, system: System, tolerance: float, duration: float) -> Run:
-        """Return an adaptive integration of a system of heyoka_expressions.py."""
+    def formulations(self, chain: Chain) -> dict[str, System]:
+        """Return those of FORMULATIONS that fit the chain."""
+        systems = {}
+        for name, formulation in FORMULATIONS.items():
+            try:
+                systems[name] = formulation(self._heyoka, chain)
+            except ValueError:
+                continue
+        return systems
+
+    def integrator(self, chain: Chain, formulation: str, tolerance: float) -> tuple:
+        """Return heyoka's own integrator at the chain's initial state, and the system that it integrates."""
+        system = FORMULATIONS[formulation](self._heyoka, chain)
         start = system.state(*initial_state(chain))
-        taylor = self._heyoka.taylor_adaptive(system.equations, start, tol=tolerance)
-        steps = [0]
+        return self._heyoka.taylor_adaptive(system.equations, start, tol=tolerance), system
+
+    def integration(self, chain: Chain, formulation: str, tolerance: float, duration: float) -> Run:
+        """Return an adaptive integration by one of FORMULATIONS."""
+        taylor, system = self.integrator(chain, formulation, tolerance)
+        start, steps = taylor.state.copy(), [0]
 
         def go():
             taylor.time = 0.0
@@ -40,15 +55,9 @@ class Peer:
 
     def curves(self, problem: Problem) -> list[Curve]:
         """Return the curve of every formulation that fits the problem."""
-        chain, curves = problem.chain(), []
-        for name, formulation in FORMULATIONS.items():
-            try:
-                system = formulation(self._heyoka, chain)
-            except ValueError:
-                continue
-            curves.append(Curve('heyoka', name, 'tolerance', decades(-1, -17), lambda tolerance, system=system: (
-                self.integration(chain, system, tolerance, problem.duration))))
-        return curves
+        chain = problem.chain()
+        return [Curve('heyoka', name, 'tolerance', decades(-1, -17), lambda tolerance, name=name: (
+            self.integration(chain, name, tolerance, problem.duration))) for name in self.formulations(chain)]
 
     def batch_evaluation(self, chain: Chain, position, velocity, effort):
         """

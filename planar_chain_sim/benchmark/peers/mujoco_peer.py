@@ -110,6 +110,28 @@ class Peer:
             self._library.step(*addresses, ctypes.c_long(steps))
         return Run(go, lambda: (data.qpos[address].copy(), steps * (4 if method == 'RK4' else 1), steps, 0))
 
+    def rollout(self, chain: Chain, method: str, position, velocity, step: float, steps: int, threads: int):
+        """
+        Return a function of a count: so many roll-outs, of `steps` steps, of all states (states, joints).
+
+        `threads`: 0 is the calling thread alone.
+        """
+        import mujoco
+        from mujoco import rollout
+        model, data, address = self.scene(chain, position[0], velocity[0], np.zeros(chain.joint_count))
+        model.opt.integrator = getattr(mujoco.mjtIntegrator, f'mjINT_{method.upper()}')
+        model.opt.timestep = step
+        order = np.argsort(address)
+        start = np.hstack([np.zeros((len(position), 1)), position[:, order], velocity[:, order]])   # time, qpos, qvel
+        pool = rollout.Rollout(nthread=threads)
+        datas = [data] + [mujoco.MjData(model) for _ in range(threads - 1)]
+        states = np.empty((len(position), steps, start.shape[1]))
+
+        def roll(count):
+            for _ in range(count):
+                pool.rollout(model, datas, start, nstep=steps, state=states)
+        return roll
+
     def curves(self, problem: Problem) -> list[Curve]:
         """Return the curves of METHODS; steps that make a scene blow up are left out by their size."""
         chain, duration = problem.chain(), problem.duration
