@@ -1,4 +1,4 @@
-"""Many states at once: evaluations and RK4 steps per core-second, against heyoka's compiled function and MuJoCo's rollout."""
+"""Many states at once: evaluations and RK4 steps per core-second; heyoka's compiled function, MuJoCo's rollout."""
 from __future__ import annotations
 
 from typing import Callable, Iterator, Optional
@@ -48,13 +48,17 @@ def rows(peers: dict, quick: bool = False) -> Iterator[tuple]:
         position, velocity, effort = np.random.default_rng(1).normal(size=(3, states, links))
         loops = {(OWN, 'evaluate_batch'): own_evaluation(chain, position, velocity, effort)}
         if 'heyoka' in peers:
-            loops['heyoka', 'compiled function'] = peers['heyoka'].batch_evaluation(chain, position, velocity, effort)[0]
+            for formulation in peers['heyoka'].formulations(chain):
+                for fast in (False, True):
+                    how = f'compiled function, {formulation.partition(", ")[2]}{", fast-math" * fast}'
+                    loops['heyoka', how], _ = peers['heyoka'].batch_evaluation(
+                        chain, formulation, position, velocity, effort, fast)
         yield from _compared(links, 'evaluation', loops, rounds, states)
         loops = {(OWN, f'rollout_batch, {n} thread{"s" * (n > 1)}'): own_rollout(chain, position, velocity, n)
                  for n in (1, 2)}
         if 'MuJoCo' in peers:
             loops |= {('MuJoCo', f'rollout, {method}, {max(1, n)} thread{"s" * (n > 1)}'):
-                      peers['MuJoCo'].rollout(chain, method, position, velocity, STEP, STEPS, n)
+                      peers['MuJoCo'].rollout(chain, method, position, velocity, STEP, STEPS, n)[0]
                       for method, n in (('RK4', 0), ('RK4', 2), ('Euler', 0))}
         yield from _compared(links, 'step', loops, rounds, states * STEPS)
 
@@ -63,12 +67,12 @@ def _compared(links: int, what: str, loops: dict, rounds: int, per_run: int) -> 
     """Time the loops in turns; rows with the ratio to ours, which is the first, where it is there."""
     ours = next(iter(loops))
     loops = {key: loop for key, loop in loops.items() if loop is not None}
-    times = interleaved(list(loops.values()), rounds, f'{links} links, {what}', budget=4.0)
+    times = interleaved(list(loops.values()), rounds, f'{links} links, {what}', budget=2.0)
     spread = {key: (np.median(seconds) / per_run * 1e9, seconds.min() / per_run * 1e9)
               for key, seconds in zip(loops, times)}
-    middle, low = spread.get(ours, (np.nan, np.nan))
+    middle, low = spread.get(ours, (None, None))
     for (library, how), (median, least) in spread.items():
-        yield links, what, library, how, median, least, 1e9 / median, median / middle, least / low
+        yield links, what, library, how, median, least, 1e9 / median, middle and median / middle, low and least / low
 
 
 def draw(table: list[tuple], path) -> None:

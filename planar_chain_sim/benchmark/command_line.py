@@ -30,22 +30,40 @@ SUITES = {
 NOT_OF_ALL = ('references', 'node')   # the first takes long and never changes, the second needs ROS 2
 
 
+def _module(name: str):
+    return import_module(f'{__package__}.{SUITES[name].module}')
+
+
 def _shown(row) -> str:
     return ' | '.join(f'{value:.4g}' if isinstance(value, float) else '' if value is None else str(value)
                       for value in row)
 
 
-def _write(path: Path, table) -> None:
+def _touch(path: Optional[Path], flag: str) -> None:
+    """See that a file can be written; Mistake."""
+    if path is None:
+        return
+    if flag == '--picture' and path.suffix not in ('.png', '.svg'):
+        raise Mistake(f"--picture is {str(path)!r}, must end in '.png' or '.svg'")
     try:
-        with open(path, 'w', newline='') as file:
-            csv.writer(file).writerows(table)
+        path.open('ab').close()
     except OSError as error:
-        raise Mistake(f'{str(path)!r} cannot be written: {error.strerror}') from None
+        raise Mistake(f'{flag} {str(path)!r}: {error.strerror}') from None
 
 
-def _open_peers() -> dict:
-    from .peers import open_peers
-    found, missing = open_peers()
+def _write(path: Path, table) -> None:
+    with open(path, 'w', newline='') as file:
+        csv.writer(file).writerows(table)
+
+
+def _open_peers(wanted: Optional[str]) -> dict:
+    """Return the peers of a list of names, all where None; say which were found and why others were not; Mistake."""
+    from .peers import open_peers, PEERS
+    names = list(PEERS) if wanted is None else [] if wanted == 'none' else wanted.split(',')
+    for name in names:
+        if name not in PEERS:
+            raise Mistake(f'--peers: there is no {name!r}, must be none or some of {",".join(PEERS)}')
+    found, missing = open_peers(names)
     print('peers:', ', '.join(f'{name} {peer.version}' for name, peer in found.items()) or 'none')
     for name, reason in missing.items():
         print(f'not measured: {name}: {reason}')
@@ -54,9 +72,9 @@ def _open_peers() -> dict:
 
 def run_suite(name: str, table_file: Optional[Path], picture: Optional[Path], quick: bool, peers: dict) -> None:
     """Measure a suite: print its rows as they come and its summary, write CSV and picture; Mistake."""
-    module = import_module(f'{__package__}.{SUITES[name].module}')
-    if picture and not hasattr(module, 'draw'):
-        raise Mistake(f'{name} has no picture')
+    module = _module(name)
+    for file, flag in ((table_file, '--csv'), (picture, '--picture')):   # before minutes of measuring
+        _touch(file, flag)
     table = []
     print(_shown(module.COLUMNS))
     for row in module.rows(peers, quick):
@@ -74,8 +92,6 @@ def run_suite(name: str, table_file: Optional[Path], picture: Optional[Path], qu
             module.draw(table, picture)
         except ImportError as error:
             raise Mistake(f'pictures need the extra [benchmark] ({error})') from None
-        except (OSError, ValueError) as error:
-            raise Mistake(f'--picture {str(picture)!r}: {error}') from None
 
 
 def _benchmark(arguments) -> int:
@@ -86,13 +102,16 @@ def _benchmark(arguments) -> int:
     parser.add_argument('--csv', metavar='FILE', type=Path, help='write the table to this file too')
     parser.add_argument('--picture', metavar='FILE', type=Path, help='draw it: PNG or SVG by the ending')
     parser.add_argument('--folder', metavar='FOLDER', type=Path, help='of `all`: for the CSVs and pictures')
+    parser.add_argument('--peers', metavar='NAMES', help='of the other libraries only these, as A,B; or none')
     parser.add_argument('--quick', action='store_true', help='few and coarse settings: to see that it runs')
     options = parser.parse_args(arguments)
     if (options.suite == 'all') != (options.folder is not None):
         raise Mistake('--folder goes with `all`, which wants it')
     if options.suite == 'all' and (options.csv or options.picture):
         raise Mistake('--csv and --picture go with one suite, `all` takes --folder')
-    peers = _open_peers() if options.suite not in NOT_OF_ALL else {}
+    if options.picture and not hasattr(_module(options.suite), 'draw'):
+        raise Mistake(f'{options.suite} has no picture')
+    peers = _open_peers(options.peers) if options.suite not in NOT_OF_ALL else {}
     if options.suite != 'all':
         run_suite(options.suite, options.csv, options.picture, options.quick, peers)
         return 0
@@ -103,8 +122,7 @@ def _benchmark(arguments) -> int:
     for name in SUITES:
         if name not in NOT_OF_ALL:
             print(f'\n== {name}: {SUITES[name].text}', flush=True)
-            module = import_module(f'{__package__}.{SUITES[name].module}')
-            picture = options.folder / f'{name}.svg' if hasattr(module, 'draw') else None
+            picture = options.folder / f'{name}.svg' if hasattr(_module(name), 'draw') else None
             run_suite(name, options.folder / f'{name}.csv', picture, options.quick, peers)
     return 0
 

@@ -13,7 +13,7 @@ FEWEST = 3      # readings of even the dearest run
 
 
 def interleaved(runs: Sequence[Callable[[int], None]], rounds: int, what: str = 'timing',
-                budget: float = 4.0) -> list[np.ndarray]:
+                budget: float = 2.0) -> list[np.ndarray]:
     """
     Return CPU seconds of one repetition of each run, an array of readings per run.
 

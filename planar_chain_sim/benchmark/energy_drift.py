@@ -75,8 +75,8 @@ def rows(peers: dict, quick: bool = False) -> Iterator[tuple]:
     from tqdm import tqdm
     seconds, scenes = (20, _scenes(2)) if quick else (DURATION, _scenes(RUNS))
     contenders = _contenders(peers)
-    for library, method, kind, setting, prepare in tqdm(contenders, 'energy', file=sys.stderr, leave=False,
-                                                         disable=None):
+    for library, method, kind, setting, prepare in tqdm(
+            contenders, 'energy', file=sys.stderr, leave=False, disable=None):
         errors, times = [], []
         for chain in scenes:
             run, (start, range_) = prepare(chain, seconds), _energy_range(chain)

@@ -6,6 +6,7 @@ second is heyoka's Taylor series of the articulated-body recursion, in its multi
 """
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Iterator
 
 from .problems import Problem, PROBLEMS
@@ -14,25 +15,23 @@ from ..command_line import Mistake
 from ..simulation import initial_state
 
 COLUMNS = ('problem', 'quantity', 'mpmath, extrapolation', 'heyoka, Taylor', 'largest difference', 'from the stored')
-DIGITS = 32          # of the arithmetic
-TOLERANCE = 1e-24    # local error per step, of both
+DIGITS = 29          # of the arithmetic
+TOLERANCE = 1e-21    # local error per step, of both
+FIRST_STEP = 0.01    # s, of the extrapolation
 COLUMN_COUNT = 11    # of the extrapolation table: order 22
 
 
 class VirtualPower:
-    """Accelerations of a chain of bodies, each turning and perhaps sliding: sum over bodies of J^T (m a - m g), in mpmath."""
+    """Accelerations of bodies that turn and perhaps slide: sum over bodies of J^T m (a - g) and J_C, in mpmath."""
 
-    def __init__(self, mpmath, chain: Chain):
+    def __init__(self, mp, chain: Chain):
         """Keep the chain's numbers, taken as exact; ValueError: friction, or a body without rotation."""
         if any(body.rotation is None for body in chain.bodies) or any(joint.friction for joint in chain.joints):
             raise ValueError(f'{chain.name}: every body must turn, none rub')
-        self.mp, self.chain = mpmath, chain
-        self.gravity = mpmath.mpc(chain.gravity)
+        self.mp, self.chain, self.gravity = mp, chain, mp.mpc(chain.gravity)
         self.column = {joint.name: k for k, joint in enumerate(chain.joints)}
-        self.spin_inertia = [mpmath.mpf(body.inertia) - mpmath.mpf(body.mass) * self._square(body.center_of_mass)
+        self.spin_inertia = [mp.mpf(body.inertia) - mp.mpf(body.mass) * self._square(body.center_of_mass)
                              for body in chain.bodies]
-        self.turn = [mpmath.mpf(body.angle) for body in chain.bodies]
-        self.slide_axis = [mpmath.expj(body.slide.axis) if body.slide else None for body in chain.bodies]
 
     def _square(self, z: complex):
         return self.mp.mpf(z.real)**2 + self.mp.mpf(z.imag)**2
@@ -46,48 +45,47 @@ class VirtualPower:
         for k, joint in enumerate(chain.joints):
             H[k, k] = mp.mpf(joint.armature)
         for i, body in enumerate(chain.bodies):
-            frames.append(self._frame(i, body, frames, position, velocity))
-            angle, rate, _, point, spin = frames[-1][:5]
-            arm = mp.mpc(body.center_of_mass) * mp.expj(angle)
-            motion = dict(frames[-1][5])                       # column -> velocity of the mass centre per unit rate
-            for k, sign in spin.items():
-                motion[k] = motion.get(k, 0) + sign * 1j * arm
-            pull = body.mass * (self.gravity - point + rate**2 * arm)   # m (g - a_C) with q'' = 0
+            frame = self._frame(body, frames, position, velocity)
+            frames.append(frame)
+            arm = mp.mpc(body.center_of_mass) * mp.expj(frame.angle)
+            motion = _turned_about(frame.motion, frame.spin, arm)
+            pull = body.mass * (self.gravity - frame.acceleration + frame.rate**2 * arm)   # m (g - a_C), q'' = 0
             for k, along in motion.items():
                 force[k] += (mp.conj(along) * pull).real
                 for other, across in motion.items():
-                    if other <= k:
-                        H[k, other] += body.mass * (mp.conj(along) * across).real
-            for k, sign in spin.items():
-                for other, turned in spin.items():
-                    if other <= k:
-                        H[k, other] += self.spin_inertia[i] * sign * turned
-        for k in range(count):
-            for other in range(k):
-                H[other, k] = H[k, other]
+                    turning = self.spin_inertia[i] * frame.spin.get(k, 0) * frame.spin.get(other, 0)
+                    H[k, other] += body.mass * (mp.conj(along) * across).real + turning
         return list(mp.lu_solve(H, force))
 
-    def _frame(self, i, body, frames, position, velocity):
-        """Return angle, rate, carrier's point is implied; acceleration with q'' = 0, spin and velocity columns of P."""
+    def _frame(self, body, frames, position, velocity) -> SimpleNamespace:
+        """
+        Return where a body is: angle, rate, acceleration of its joint point where q'' = 0.
+
+        And per unit rate of each joint (by column) its `spin` and the velocity of its joint point, `motion`.
+        """
         mp = self.mp
-        if body.carrier == BASE:
-            angle, rate, _, acceleration, spin, motion = mp.mpf(0), mp.mpf(0), None, mp.mpc(0), {}, {}
-        else:
-            angle, rate, _, acceleration, spin, motion = frames[body.carrier]
-        turn, offset = mp.expj(angle), mp.mpc(body.origin)
-        spin, motion = dict(spin), dict(motion)
+        carrier = frames[body.carrier] if body.carrier != BASE else SimpleNamespace(
+            angle=mp.mpf(0), rate=mp.mpf(0), acceleration=mp.mpc(0), spin={}, motion={})
+        turn, offset, coriolis, sliding = mp.expj(carrier.angle), mp.mpc(body.origin), mp.mpc(0), {}
         if body.slide:
             k = self.column[body.slide.name]
-            offset += position[k] * self.slide_axis[i]
-            motion[k] = self.slide_axis[i] * turn
-            acceleration = acceleration + 2j * rate * velocity[k] * motion[k]
-        lever = offset * turn
-        for k, sign in spin.items():
-            motion[k] = motion.get(k, 0) + sign * 1j * lever
-        acceleration = acceleration - rate**2 * lever
-        k, axis = self.column[body.rotation.name], int(body.rotation.axis)
-        spin[k] = axis
-        return angle + self.turn[i] + axis * position[k], rate + axis * velocity[k], None, acceleration, spin, motion
+            axis = mp.expj(body.slide.axis)
+            offset += position[k] * axis
+            sliding, coriolis = {k: axis * turn}, 2j * carrier.rate * velocity[k] * axis * turn
+        motion = _turned_about(carrier.motion, carrier.spin, offset * turn) | sliding
+        k, sign = self.column[body.rotation.name], int(body.rotation.axis)
+        return SimpleNamespace(
+            angle=carrier.angle + mp.mpf(body.angle) + sign * position[k], rate=carrier.rate + sign * velocity[k],
+            acceleration=carrier.acceleration - carrier.rate**2 * offset * turn + coriolis,
+            spin={**carrier.spin, k: sign}, motion=motion)
+
+
+def _turned_about(motion: dict, spin: dict, arm) -> dict:
+    """Return the velocity per unit rate of a point at `arm` from one that has `motion`."""
+    moved = dict(motion)
+    for k, sign in spin.items():
+        moved[k] = moved.get(k, 0) + sign * 1j * arm
+    return moved
 
 
 def extrapolated_motion(chain: Chain, duration: float, position, velocity) -> tuple[list, list]:
@@ -104,13 +102,14 @@ def extrapolated_motion(chain: Chain, duration: float, position, velocity) -> tu
         def rate(x):
             return x[count:] + bodies.accelerations(x[:count], x[count:])
 
-        time, step = mp.mpf(0), mp.mpf(duration) / 64
+        time, step = mp.mpf(0), mp.mpf(duration) if duration < FIRST_STEP else mp.mpf(FIRST_STEP)
         while time < duration:
             step = min(step, duration - time)
             new, error = _extrapolate(mp, rate, state, step)
             if error <= TOLERANCE:
                 time, state = time + step, new
-            step *= min(2, max(mp.mpf('0.3'), 0.9 * (TOLERANCE / (error + mp.mpf(10)**-60))**(1 / (2 * COLUMN_COUNT - 1))))
+            factor = 0.9 * (TOLERANCE / max(error, mp.mpf(10)**-60))**(1 / (2 * COLUMN_COUNT - 1))
+            step *= min(2, max(mp.mpf('0.3'), factor))
         return state[:count], state[count:]
 
 
@@ -146,7 +145,8 @@ def taylor_motion(chain: Chain, duration: float, position, velocity) -> tuple[li
 
         system = articulated_bodies(heyoka, chain, links=_exact_links(mp, chain, number))
         G = mp.matrix(system.to_absolute.tolist())
-        start = [number(value) for values in (position, velocity) for value in G * mp.matrix([float(x) for x in values])]
+        start = [number(value) for values in (position, velocity)
+                 for value in G * mp.matrix([float(x) for x in values])]
         taylor = heyoka.taylor_adaptive(system.equations, start, fp_type=heyoka.real, prec=bits, compact_mode=True,
                                         tol=heyoka.real(TOLERANCE, bits))
         taylor.propagate_until(heyoka.real(float(duration), bits))
@@ -157,7 +157,6 @@ def taylor_motion(chain: Chain, duration: float, position, velocity) -> tuple[li
 
 def _exact_links(mp, chain: Chain, number) -> list:
     """Return links for articulated_bodies with numbers of many digits; no body is welded."""
-    from types import SimpleNamespace
     links, turns = [], []
     for body in chain.bodies:
         before = turns[body.carrier] if body.carrier != BASE else mp.mpf(0)
@@ -173,14 +172,18 @@ def _exact_links(mp, chain: Chain, number) -> list:
     return links
 
 
-def reference_rows(problems: dict[str, Problem] = PROBLEMS) -> Iterator[tuple]:
-    """Yield rows of COLUMNS: both integrations of every problem and how far they and the stored digits are apart."""
+def rows(peers: dict, quick: bool = False, problems: dict[str, Problem] = PROBLEMS) -> Iterator[tuple]:
+    """
+    Yield rows of COLUMNS: both integrations of every problem and how far they and the stored digits are apart.
+
+    `quick`: of the first problem only.
+    """
     try:
         import heyoka  # noqa: F401
         from mpmath import mp
     except ImportError as error:
         raise Mistake(f'references need mpmath and heyoka, the extra [benchmark] ({error})') from None
-    for name, problem in problems.items():
+    for name, problem in list(problems.items())[:1 if quick else None]:
         chain = problem.chain()
         first, second = (motion(chain, problem.duration, *initial_state(chain))
                          for motion in (extrapolated_motion, taylor_motion))

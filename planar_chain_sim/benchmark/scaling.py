@@ -11,7 +11,8 @@ import numpy as np
 
 from .cpu_time import interleaved
 from .problems import uniform_rods
-from .step_time import own_evaluations, OWN
+from .step_time import own_evaluations
+from .work_precision import OWN
 from ..chain import Chain
 from ..command_line import Mistake
 from ..simulation import initial_state

@@ -42,7 +42,8 @@ def _welded(chain: Chain) -> Chain:
         own = mass * abs(body.center_of_mass)**2 / 12.0
         part = replace(body, mass=mass, center_of_mass=half, inertia_com=own, inertia=own + mass * abs(half)**2)
         bodies.append(replace(part, carrier=2 * body.carrier if i else -1))
-        bodies.append(replace(part, name=f'{body.name}_outer', carrier=2 * i, origin=body.center_of_mass, rotation=None))
+        bodies.append(replace(part, name=f'{body.name}_outer', carrier=2 * i, origin=body.center_of_mass,
+                              rotation=None))
     return replace(chain, bodies=tuple(bodies))
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from .cpu_time import interleaved
 from .peers.mujoco_peer import METHODS as MUJOCO_METHODS
 from .problems import Problem, uniform_rods
-from .work_precision import own_integration, OWN
+from .work_precision import OWN, own_integration
 from ..chain import Chain
 from ..dynamics import FORMS
 from ..plan import plan_of

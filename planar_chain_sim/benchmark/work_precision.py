@@ -9,7 +9,6 @@ import numpy as np
 from .cpu_time import interleaved
 from .peers import Curve, decades, Run, steps_of
 from .problems import Problem, PROBLEMS
-from ..dynamics import SimulationError
 from ..integrators import AUTO, METHODS
 from ..simulation import Simulation
 
@@ -18,7 +17,8 @@ COLUMNS = ('problem', 'library', 'method', 'kind', 'setting', 'error', 'evaluati
            'CPU median, ms', 'CPU min, ms')
 TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)
 ROUNDS = 21
-LIMIT = 1.0      # s: a setting this dear ends its curve
+LIMIT = 0.5      # s: a setting this dear ends its curve
+BUDGET = 0.5     # s of readings per setting
 PATIENCE = 4     # settings in a row that bring no smaller error end it too
 
 
@@ -43,9 +43,11 @@ def own_integration(problem: Problem, method: str, step: float, tolerance: Optio
 
 def own_curves(problem: Problem) -> list[Curve]:
     """Return a curve for every row of METHODS, and for 'auto' where it has error control."""
-    curves = []
-    for name, row in {**METHODS, **({'auto': METHODS[AUTO]} if AUTO in METHODS and METHODS[AUTO].adaptive else {})}.items():
-        if row.adaptive:
+    curves, rows = [], dict(METHODS)
+    if METHODS.get(AUTO) is None or METHODS[AUTO].adaptive:
+        rows['auto'] = METHODS.get(AUTO)
+    for name, row in rows.items():
+        if row is None or row.adaptive:
             curves.append(Curve(OWN, name, 'tolerance', decades(-1, -16), lambda tolerance, name=name: (
                 own_integration(problem, name, problem.duration, tolerance))))
         else:
@@ -62,7 +64,7 @@ def _tried(problem: Problem, curve: Curve, limit: float) -> list[tuple]:
             run = curve.start(setting)
             run.go()
             position, *counts = run.end()
-        except (SimulationError, ValueError):   # too coarse a step runs away; a method may refuse a setting
+        except (RuntimeError, ValueError):   # too coarse a step runs away; a method may refuse a setting
             continue
         error = problem.error(position)
         idle = 0 if error < 0.8 * best else idle + 1
@@ -94,7 +96,7 @@ def rows(peers: dict, quick: bool = False) -> Iterator[tuple]:
             for _ in range(count):
                 run.go()
         times = interleaved([lambda count, run=run: repeat(count, run) for _, (_, run, _) in tried],
-                            2 if quick else ROUNDS, f'{name}: times')
+                            2 if quick else ROUNDS, f'{name}: times', BUDGET)
         for (curve, (setting, _, counted)), seconds in zip(tried, times):
             yield (name, curve.library, curve.method, curve.kind, setting, *counted, np.median(seconds) * 1e3,
                    seconds.min() * 1e3)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Callable, NamedTuple, Sequence
+from typing import Callable, Iterable, NamedTuple, Sequence
 
 from .compiled import Missing
 
@@ -49,12 +49,12 @@ def decades(first: int, last: int) -> list[float]:
     return [float(f'1e{k}') for k in range(first, last - 1, -1)]
 
 
-def open_peers() -> tuple[dict[str, object], dict[str, str]]:
-    """Return the peers that are there, compiled where need be, and the reasons why the others are not, by name."""
+def open_peers(names: Iterable[str] = PEERS) -> tuple[dict[str, object], dict[str, str]]:
+    """Return those of the peers that are there, compiled where need be, and why the others are not, by name."""
     found, missing = {}, {}
-    for name, module in PEERS.items():
+    for name in names:
         try:
-            found[name] = import_module(f'{__name__}.{module}').Peer()
+            found[name] = import_module(f'{__name__}.{PEERS[name]}').Peer()
         except Missing as reason:
             missing[name] = str(reason)
         except ImportError as error:

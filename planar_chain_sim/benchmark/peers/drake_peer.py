@@ -37,7 +37,7 @@ def drake_plant(chain: Chain):
         made = plant.AddRigidBody(body.name, SpatialInertia.MakeFromCentralInertia(
             body.mass, _in_space(body.center_of_mass), spin))
         if body.slide:
-            slider = (plant.AddRigidBody(f'{body.name}_slider', SpatialInertia.Zero()) if body.rotation else made)
+            slider = plant.AddRigidBody(f'{body.name}_slider', SpatialInertia.Zero())
             axis = _in_space(np.exp(1j * body.slide.axis))
             joints.append(plant.AddJoint(PrismaticJoint(body.slide.name, frame, slider.body_frame(), axis,
                                                         damping=body.slide.damping)))
@@ -51,7 +51,7 @@ def drake_plant(chain: Chain):
                 damping=body.rotation.damping)))
             if body.rotation.stiffness:
                 plant.AddForceElement(RevoluteSpring(joints[-1], body.rotation.rest, body.rotation.stiffness))
-        elif not body.slide:
+        else:
             plant.WeldFrames(frame, made.body_frame())
         frames.append(made.body_frame())
     plant.Finalize()
@@ -87,16 +87,16 @@ class Peer:
         context = simulator.get_mutable_context()
         ResetIntegratorFromFlags(simulator, method, LONGEST_STEP)
         integrator = simulator.get_mutable_integrator()
-        integrator.set_fixed_step_mode(False)
-        integrator.set_target_accuracy(accuracy)
         start = initial_state(chain)
         order = [joint.position_start() for joint in joints]
 
         def go():
             context.SetTime(0.0)
             _place(plant, joints, context, *start)
+            integrator.Reset()                # else a run begins with the last one's step
+            integrator.set_maximum_step_size(LONGEST_STEP)
+            integrator.set_target_accuracy(accuracy)
             simulator.Initialize()
-            integrator.ResetStatistics()
             simulator.AdvanceTo(duration)
 
         def end():

@@ -69,7 +69,8 @@ def articulated_bodies(heyoka, chain: Chain, torque=None, links=None) -> System:
     Return the O(n) recursion of equations.md 6.2 for a tree of turning links, any of which may slide too.
 
     Damping and springs of the joints are included. `torque`: joint efforts, (joints,) of numbers or expressions, zero
-    where None. `links`: as links_of returns them, in numbers of another precision. ValueError: a link that doesn't turn, or armature, which need the larger recursion of 6.3.
+    where None. `links`: as links_of returns them, in numbers of another precision. ValueError: a link that doesn't
+    turn, or armature, which need the larger recursion of 6.3.
     """
     links = links or links_of(chain)
     if any(link.rotation is None for link in links) or any(joint.armature for joint in chain.joints):
@@ -183,18 +184,20 @@ def _accelerations(parts, gravity):
     return result
 
 
-def two_rods(heyoka, chain: Chain) -> System:
+def two_rods(heyoka, chain: Chain, torque=None) -> System:
     """
     Return the closed form of equations.md 3 for two links in series, their mass centres in line with the joints.
 
-    ValueError: another chain.
+    `torque` as above. ValueError: another chain.
     """
     links, _ = merge_welded(chain)
+    laws = any(joint.damping or joint.stiffness or joint.armature for joint in chain.joints)
+    if len(links) != 2 or laws or any(link.slide or link.rotation is None for link in links) or links[1].carrier != 1:
+        raise ValueError(f'{chain.name}: the closed form is for two free rods')
     first, second = links
     arm, lever = second.offset, second.moment
-    laws = any(joint.damping or joint.stiffness or joint.armature for joint in chain.joints)
-    if len(links) != 2 or laws or any(link.slide for link in links) or abs((arm * lever.conjugate()).imag) > 1e-12:
-        raise ValueError(f'{chain.name}: the closed form is for two free rods')
+    if abs((arm * lever.conjugate()).imag) > 1e-12:
+        raise ValueError(f'{chain.name}: the closed form is for rods in line with their joints')
     g = abs(chain.gravity)
     q, v = ([heyoka.expression(f'{kind}{k}') for k in (0, 1)] for kind in 'qv')
     A11, A12, A22 = first.inertia + second.mass * abs(arm)**2, abs(arm) * abs(lever), second.inertia
@@ -203,6 +206,9 @@ def two_rods(heyoka, chain: Chain) -> System:
     c, s = heyoka.cos(q[0] - q[1]), heyoka.sin(q[0] - q[1])
     r1 = -A12 * s * v[1] * v[1] - g * abs(D[0]) * heyoka.sin(down[0])
     r2 = A12 * s * v[0] * v[0] - g * abs(D[1]) * heyoka.sin(down[1])
+    if torque is not None:
+        tau = [link.rotation.axis * effort for link, effort in zip(links, torque)]
+        r1, r2 = r1 + tau[0] - tau[1], r2 + tau[1]     # Q = S tau
     inverse = 1.0 / (A11 * A22 - A12 * A12 * c * c)
     equations = [(q[0], v[0]), (q[1], v[1]), (v[0], (A22 * r1 - A12 * c * r2) * inverse),
                  (v[1], (A11 * r2 - A12 * c * r1) * inverse)]

@@ -59,17 +59,18 @@ class Peer:
         return [Curve('heyoka', name, 'tolerance', decades(-1, -17), lambda tolerance, name=name: (
             self.integration(chain, name, tolerance, problem.duration))) for name in self.formulations(chain)]
 
-    def batch_evaluation(self, chain: Chain, position, velocity, effort):
+    def batch_evaluation(self, chain: Chain, formulation: str, position, velocity, effort, fast_math: bool = False):
         """
         Return a function of a count: so many evaluations of all states by a compiled function, vectors over states.
 
         position, velocity, effort (states, joints); and a function that returns the accelerations (states, joints).
         """
         torque = [self._heyoka.expression(f't{k:02d}') for k in range(chain.joint_count)]
-        system = articulated_bodies(self._heyoka, chain, torque)
+        system = FORMULATIONS[formulation](self._heyoka, chain, torque)
         variables = [variable for variable, _ in system.equations]
         half = len(variables) // 2
-        function = self._heyoka.cfunc([side for _, side in system.equations[half:]], variables + torque)
+        function = self._heyoka.cfunc([side for _, side in system.equations[half:]], variables + torque,
+                                      fast_math=fast_math)
         inputs = np.ascontiguousarray(np.vstack([system.to_absolute @ position.T, system.to_absolute @ velocity.T,
                                                  effort.T]))
         outputs = np.empty((half, len(position)))

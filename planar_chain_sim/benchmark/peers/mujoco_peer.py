@@ -1,4 +1,4 @@
-"""MuJoCo: mj_forward and its integrators in compiled loops (mujoco.cpp), with everything off that a scene doesn't need."""
+"""MuJoCo: mj_forward and its integrators in compiled loops (mujoco.cpp), all off that a scene doesn't need."""
 from __future__ import annotations
 
 import ctypes
@@ -27,6 +27,7 @@ def mujoco_model(chain: Chain):
     """
     import mujoco
     spec = mujoco.MjSpec()
+    spec.compiler.degree = False   # of springref
     spec.option.gravity = _in_space(chain.gravity)
     made = []
     for body in chain.bodies:
@@ -110,10 +111,11 @@ class Peer:
             self._library.step(*addresses, ctypes.c_long(steps))
         return Run(go, lambda: (data.qpos[address].copy(), steps * (4 if method == 'RK4' else 1), steps, 0))
 
-    def rollout(self, chain: Chain, method: str, position, velocity, step: float, steps: int, threads: int):
+    def rollout(self, chain: Chain, method: str, position, velocity, step: float, steps: int, threads: int) -> tuple:
         """
         Return a function of a count: so many roll-outs, of `steps` steps, of all states (states, joints).
 
+        And the array (states, steps, 1 + 2 joints) that takes time, position and velocity in MuJoCo's order.
         `threads`: 0 is the calling thread alone.
         """
         import mujoco
@@ -130,7 +132,7 @@ class Peer:
         def roll(count):
             for _ in range(count):
                 pool.rollout(model, datas, start, nstep=steps, state=states)
-        return roll
+        return roll, states
 
     def curves(self, problem: Problem) -> list[Curve]:
         """Return the curves of METHODS; steps that make a scene blow up are left out by their size."""
