@@ -99,6 +99,6 @@ class Peer:
         """Return the curves of all METHODS."""
         chain, duration = problem.chain(), problem.duration
         return [Curve('Pinocchio', method, 'tolerance' if k else 'step',
-                      decades(-2, -15) if k else steps_of(duration),
+                      decades(-2, -17) if k else steps_of(duration),
                       lambda setting, k=k: self.integration(chain, k, setting, duration))
                 for k, method in enumerate(METHODS)]
