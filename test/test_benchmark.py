@@ -85,7 +85,7 @@ def test_summary_takes_the_cheapest_setting_that_reaches_each_target():
     assert found[OWN, 'a'] == (1.0, 4.0, '', '')
     assert found[OWN, 'BEST'] == (1.0, 3.0, '', '')
     assert found['peer', 'BEST'] == (30.0, 30.0, 30.0, '')
-    assert found['best peer / ours', 'RATIO'] == (30.0, 10.0, '', '')
+    assert found['peer', 'TIMES OURS'] == (30.0, 10.0, '', '')
     assert work_precision._frontier([(1e-3, 1.0), (1e-6, 0.5), (1e-9, 2.0)]) == [(1e-9, 2.0), (1e-6, 0.5)]
 
 

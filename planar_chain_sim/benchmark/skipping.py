@@ -8,10 +8,10 @@ import numpy as np
 
 from .cpu_time import interleaved
 from .problems import Problem, uniform_rods
+from .step_time import own_evaluations
 from .work_precision import own_integration
 from ..chain import Body, Chain, Joint
 from ..plan import plan_of
-from ..simulation import initial_state
 
 COLUMNS = ('feature', 'in the plan', 'evaluation, ns: without', 'with', 'saved by its absence, ns: median', 'min',
            'RK4 tick, ns: without', 'with', 'saved by its absence, ns: median', 'min', 'evaluation given as zero, ns')
@@ -69,8 +69,6 @@ FEATURES: dict[str, tuple[Callable[[Chain], Chain], Optional[Callable[[Chain], C
 
 def _loops(chain: Chain) -> list[Optional[Callable[[int], None]]]:
     """Return loops of evaluations and of RK4 ticks; None where the simulation refuses the feature."""
-    model, (position, velocity) = plan_of(chain).model, initial_state(chain)
-    zero = np.zeros(chain.joint_count)
     try:
         run = own_integration(Problem('', lambda: chain, STEPS * STEP, ((), ())), 'rk4', STEP, None)
     except ValueError:
@@ -79,7 +77,7 @@ def _loops(chain: Chain) -> list[Optional[Callable[[int], None]]]:
     def ticks(count):
         for _ in range(count):
             run.go()
-    return [lambda count: model.evaluate_repeatedly(position, velocity, zero, count), ticks if run else None]
+    return [own_evaluations(chain)['auto'], ticks if run else None]
 
 
 def rows(peers: dict, quick: bool = False) -> Iterator[tuple]:

@@ -21,19 +21,15 @@ STEP, STEPS = 1e-4, 64   # s; steps of one timed run
 
 
 def own_evaluations(chain: Chain) -> dict[str, Callable[[int], None]]:
-    """Return for `auto` and every compiled form that fits the chain a loop of evaluations, called with a count."""
-    model, (position, velocity) = plan_of(chain).model, initial_state(chain)
+    """Return for `auto` and every compiled form a loop of evaluations, called with a count."""
+    plan, (position, velocity) = plan_of(chain), initial_state(chain)
     zero = np.zeros(chain.joint_count)
-    loops = {'auto': lambda count: model.evaluate_repeatedly(position, velocity, zero, count)}
-    for form in FORMS:
-        if form not in ('auto', 'reference'):
-            def loop(count, form=form):
-                model.evaluate_repeatedly(position, velocity, zero, count, form)
-            try:
-                loop(1)
-            except (TypeError, ValueError):   # this kernel has one form only, or the form is not for this chain
-                continue
-            loops[form] = loop
+    loops = {}
+    for form in ('auto', *(form for form in FORMS if form not in ('auto', 'reference'))):
+        resolved = getattr(plan, 'form', 'recursive') if form == 'auto' else form
+        which = (resolved == 'dense',) if 'dense' in FORMS else ()
+        loops[form] = lambda count, which=which: (
+            plan.model.evaluate_repeatedly(position, velocity, zero, count, *which))
     return loops
 
 

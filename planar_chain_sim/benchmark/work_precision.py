@@ -7,7 +7,7 @@ from typing import Iterator, Optional
 import numpy as np
 
 from .cpu_time import interleaved
-from .peers import Curve, decades, Run, steps_of
+from .peers import Curve, half_decades, Run, steps_of
 from .problems import Problem, PROBLEMS
 from ..integrators import AUTO, METHODS
 from ..simulation import Simulation
@@ -18,8 +18,8 @@ COLUMNS = ('problem', 'library', 'method', 'kind', 'setting', 'error', 'evaluati
 TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)
 ROUNDS = 21
 LIMIT = 0.5      # s: a setting this dear ends its curve
-BUDGET = 0.5     # s of readings per setting
-PATIENCE = 4     # settings in a row that bring no smaller error end it too
+BUDGET = 0.3     # s of readings per setting
+PATIENCE = 6     # settings in a row that bring no smaller error end it too
 
 
 def own_integration(problem: Problem, method: str, step: float, tolerance: Optional[float]) -> Run:
@@ -48,7 +48,7 @@ def own_curves(problem: Problem) -> list[Curve]:
         rows['auto'] = METHODS.get(AUTO)
     for name, row in rows.items():
         if row is None or row.adaptive:
-            curves.append(Curve(OWN, name, 'tolerance', decades(-1, -16), lambda tolerance, name=name: (
+            curves.append(Curve(OWN, name, 'tolerance', half_decades(-1, -16), lambda tolerance, name=name: (
                 own_integration(problem, name, problem.duration, tolerance))))
         else:
             curves.append(Curve(OWN, name, 'step', steps_of(problem.duration), lambda step, name=name: (
@@ -106,7 +106,7 @@ def summary(table: list[tuple]) -> tuple[tuple, list[tuple]]:
     """
     Return columns and rows: the cheapest measured setting of each method that reaches each of TARGETS, median ms.
 
-    After each problem: our cheapest, the peers' cheapest and how many times ours is cheaper, by medians and by minima.
+    After each problem: the cheapest of each library, and how many times dearer each peer is than ours.
     """
     columns = ('problem', 'library', 'method', *(f'{target:g}: median, ms' for target in TARGETS),
                *(f'{target:g}: min, ms' for target in TARGETS))
@@ -118,9 +118,11 @@ def summary(table: list[tuple]) -> tuple[tuple, list[tuple]]:
             result.append((name, library, method, *_cheapest([row for row in own if row[1:3] == (library, method)])))
         for library in dict.fromkeys(row[1] for row in own):
             result.append((name, library, 'BEST', *_cheapest([row for row in own if row[1] == library])))
-        ours, theirs = (_cheapest([row for row in own if (row[1] == OWN) is mine]) for mine in (True, False))
-        result.append((name, 'best peer / ours', 'RATIO', *(
-            there / here if here and there else '' for here, there in zip(ours, theirs))))
+        ours = _cheapest([row for row in own if row[1] == OWN])
+        for library in dict.fromkeys(row[1] for row in own if row[1] != OWN):
+            theirs = _cheapest([row for row in own if row[1] == library])
+            result.append((name, library, 'TIMES OURS', *(
+                there / here if here and there else '' for here, there in zip(ours, theirs))))
     return columns, result
 
 

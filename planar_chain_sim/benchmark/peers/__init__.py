@@ -44,9 +44,9 @@ def steps_of(duration: float, least: float = 50.0, most: float = 2e6) -> list[fl
     return [duration / count for count in counts]
 
 
-def decades(first: int, last: int) -> list[float]:
-    """Return the tolerances 10^first, ..., 10^last."""
-    return [float(f'1e{k}') for k in range(first, last - 1, -1)]
+def half_decades(first: int, last: int) -> list[float]:
+    """Return the tolerances 10^first, 10^(first - 1/2), ..., 10^last."""
+    return [10.0**(k / 2) for k in range(2 * first, 2 * last - 1, -1)]
 
 
 def open_peers(names: Iterable[str] = PEERS) -> tuple[dict[str, object], dict[str, str]]:

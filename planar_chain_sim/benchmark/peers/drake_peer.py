@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from . import Curve, decades, Run
+from . import Curve, half_decades, Run
 from ..problems import Problem
 from ...chain import Chain
 from ...simulation import initial_state
@@ -107,7 +107,7 @@ class Peer:
     def curves(self, problem: Problem) -> list[Curve]:
         """Return the curves of METHODS."""
         chain = problem.chain()
-        return [Curve('Drake', method, 'tolerance', decades(-2, -14), lambda accuracy, method=method: (
+        return [Curve('Drake', method, 'tolerance', half_decades(-2, -14), lambda accuracy, method=method: (
             self.integration(chain, method, accuracy, problem.duration))) for method in METHODS]
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from . import Curve, decades, Run
+from . import Curve, half_decades, Run
 from .heyoka_expressions import articulated_bodies, System, two_rods
 from ..problems import Problem
 from ...chain import Chain
@@ -56,7 +56,7 @@ class Peer:
     def curves(self, problem: Problem) -> list[Curve]:
         """Return the curve of every formulation that fits the problem."""
         chain = problem.chain()
-        return [Curve('heyoka', name, 'tolerance', decades(-1, -17), lambda tolerance, name=name: (
+        return [Curve('heyoka', name, 'tolerance', half_decades(-1, -17), lambda tolerance, name=name: (
             self.integration(chain, name, tolerance, problem.duration))) for name in self.formulations(chain)]
 
     def batch_evaluation(self, chain: Chain, formulation: str, position, velocity, effort, fast_math: bool = False):

@@ -7,7 +7,7 @@ import sys
 
 import numpy as np
 
-from . import Curve, decades, Run, steps_of
+from . import Curve, half_decades, Run, steps_of
 from .compiled import compile_shared, Missing
 from ..problems import Problem
 from ...chain import Chain
@@ -99,6 +99,6 @@ class Peer:
         """Return the curves of all METHODS."""
         chain, duration = problem.chain(), problem.duration
         return [Curve('Pinocchio', method, 'tolerance' if k else 'step',
-                      decades(-2, -17) if k else steps_of(duration),
+                      half_decades(-2, -17) if k else steps_of(duration),
                       lambda setting, k=k: self.integration(chain, k, setting, duration))
                 for k, method in enumerate(METHODS)]

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from . import Curve, decades, Run
+from . import Curve, half_decades, Run
 from ..problems import Problem
 from ...chain import Chain
 from ...plan import plan_of
@@ -43,5 +43,5 @@ class Peer:
     def curves(self, problem: Problem) -> list[Curve]:
         """Return the curves of METHODS."""
         chain = problem.chain()
-        return [Curve('SciPy', method, 'tolerance', decades(-2, last), lambda tolerance, method=method: (
+        return [Curve('SciPy', method, 'tolerance', half_decades(-2, last), lambda tolerance, method=method: (
             self.integration(chain, method, tolerance, problem.duration))) for method, last in METHODS.items()]
