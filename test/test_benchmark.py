@@ -70,6 +70,8 @@ def test_a_curve_ends_where_it_gets_no_finer_or_too_dear():
     coarse, fine = (counted[0] for _, _, counted in tried[1:])
     assert 3.8 < np.log2(coarse / fine) < 4.2            # the order, seen against the stored digits
     assert [counted[1:] for _, _, counted in tried] == [(4 * n, n, 0) for n in (5000, 10000, 20000)]
+    tried[0][1].go()                                     # a second run starts again, and counts again
+    assert tried[0][1].end()[1:] == (20000, 5000, 0) and problem.error(tried[0][1].end()[0]) == tried[0][2][0]
     assert len(work_precision._tried(problem, replace(rk4, settings=[0.01, 0.005]), 0.0)) == 1
     idle = work_precision._tried(problem, replace(rk4, settings=[0.01] * 9), 10.0)
     assert len(idle) == 1 + work_precision.PATIENCE
@@ -126,9 +128,11 @@ def test_stored_end_is_where_another_library_ends(name):
     pytest.importorskip('heyoka')
     problem = PROBLEMS[name]
     chain, peer = problem.chain(), heyoka_peer.Peer()
-    run = peer.integration(chain, 'Taylor, articulated bodies', 1e-11, problem.duration)
-    run.go()
-    assert problem.error(run.end()[0]) < 1e-9    # tolerance times what these motions amplify, 400 at most
+    taylor, system = peer.integrator(chain, 'Taylor, articulated bodies', 1e-11)
+    taylor.propagate_until(problem.duration)
+    position, velocity = system.joints(taylor.state)
+    assert problem.error(position) < 1e-9    # tolerance times what these motions amplify, 400 at most
+    np.testing.assert_allclose(velocity, problem.end[1], rtol=1e-8, atol=1e-8)
 
 
 @pytest.mark.parametrize('name', PROBLEMS)

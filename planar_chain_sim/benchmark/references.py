@@ -104,6 +104,8 @@ def extrapolated_motion(chain: Chain, duration: float, position, velocity) -> tu
 
         time, step = mp.mpf(0), mp.mpf(duration) if duration < FIRST_STEP else mp.mpf(FIRST_STEP)
         while time < duration:
+            if step < 1e-5:
+                raise Mistake(f'{chain.name}: the extrapolation takes no step that is exact enough at {float(time)} s')
             step = min(step, duration - time)
             new, error = _extrapolate(mp, rate, state, step)
             if error <= TOLERANCE:

@@ -25,10 +25,9 @@ def compile_shared(source: Path, flags: list[str], libraries: list[str] = ()) ->
     compiler = shlex.split(os.environ.get('CXX') or 'c++')
     if shutil.which(compiler[0]) is None:
         raise Missing(f'there is no C++ compiler {compiler[0]}')
-    command = [*compiler, '-std=c++17', '-O3', '-DNDEBUG', '-fPIC', '-shared', '-fvisibility=hidden', *flags,
-               str(source), *libraries]
+    command = [*compiler, '-std=c++17', '-O3', '-DNDEBUG', '-fPIC', '-shared', '-fvisibility=hidden', *flags]
     version = subprocess.run([*compiler, '--version'], capture_output=True).stdout
-    key = sha256(source.read_bytes() + version + '\n'.join(command).encode()).hexdigest()[:16]
+    key = sha256(source.read_bytes() + version + '\n'.join([*command, *libraries]).encode()).hexdigest()[:16]
     folder = Path(os.environ.get('XDG_CACHE_HOME') or Path.home() / '.cache', 'planar_chain_sim')
     library = folder / f'{source.stem}-{key}.so'
     if not library.exists():
@@ -36,7 +35,8 @@ def compile_shared(source: Path, flags: list[str], libraries: list[str] = ()) ->
             folder.mkdir(parents=True, exist_ok=True)
             with tempfile.TemporaryDirectory(dir=folder) as work:   # a run that is interrupted leaves no half file
                 made = Path(work, library.name)
-                run = subprocess.run([*command, '-o', str(made)], capture_output=True, text=True)
+                run = subprocess.run([*command, str(source), *libraries, '-o', str(made)],
+                                     capture_output=True, text=True)
                 if run.returncode:
                     lines = [line for line in run.stderr.splitlines() if 'error' in line] or [f'exit {run.returncode}']
                     raise Missing(f'{compiler[0]} does not compile {source.name}: {lines[0].strip()[:160]}')
