@@ -19,6 +19,7 @@ TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)
 ROUNDS = 21
 LIMIT = 0.5      # s: a setting this dear ends its curve
 BUDGET = 0.3     # s of readings per setting
+ROUND_OFF = 1e-13   # in the picture: less is luck
 PATIENCE = 6     # settings in a row that bring no smaller error end it too
 
 
@@ -138,12 +139,13 @@ def draw(table: list[tuple], path) -> None:
     names = list(dict.fromkeys(row[0] for row in table))
     chart = Chart(len(names), 'CPU time to reach an error, one core')
     for panel, name in enumerate(names):
-        here = [row for row in table if row[0] == name and 1e-15 < row[5] < 0.1]
-        for library in dict.fromkeys(row[1] for row in here):
-            mine = [row for row in here if row[1] == library]
-            for method in dict.fromkeys(row[2] for row in mine):
-                chart.line(panel, [(row[5], row[9]) for row in mine if row[2] == method], library, library, bold=False)
-            chart.line(panel, _frontier([(row[5], row[9]) for row in mine]), library, library)
+        points = {}   # by library, by method
+        for _, library, method, _, _, error, *_, median, _ in (row for row in table if row[0] == name and row[5] < 0.1):
+            points.setdefault(library, {}).setdefault(method, []).append((max(error, ROUND_OFF), median))
+        for library, methods in points.items():
+            for found in methods.values():
+                chart.line(panel, _frontier(found), library, library, bold=False)
+            chart.line(panel, _frontier([point for found in methods.values() for point in found]), library, library)
         chart.axes(panel, PROBLEMS[name].title, 'largest joint error at the end, rad or m',
                    '' if panel else 'CPU time, ms (median)', error=True)
     chart.save(path)
