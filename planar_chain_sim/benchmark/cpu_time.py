@@ -23,10 +23,9 @@ def interleaved(runs: Sequence[Callable[[int], None]], rounds: int, what: str = 
     from tqdm import tqdm
     counts, turns = [], []
     for run in runs:
-        run(1)                                    # warm up
-        once = _reading(run, 1)
-        counts.append(max(1, ceil(LEAST / max(once, 1e-7))))
-        readings = max(min(rounds, FEWEST), min(rounds, int(budget / (once * counts[-1]))))
+        count, once = _calibrated(run)
+        counts.append(count)
+        readings = max(min(rounds, FEWEST), min(rounds, int(budget / (once * count))))
         turns.append(set(np.linspace(0, rounds - 1, readings).round().astype(int)))
     times = [[] for _ in runs]
     for number in tqdm(range(rounds), desc=what, file=sys.stderr, leave=False, disable=None):
@@ -34,6 +33,18 @@ def interleaved(runs: Sequence[Callable[[int], None]], rounds: int, what: str = 
             if number in turn:
                 readings.append(_reading(run, count))
     return [np.array(readings) for readings in times]
+
+
+def _calibrated(run: Callable[[int], None]) -> tuple[int, float]:
+    """Return how many repetitions take LEAST s, and the CPU seconds of one: grown from 1, as the first runs are cold."""
+    run(1)
+    count = 1
+    while True:
+        once = max(_reading(run, count), 1e-9)
+        enough = ceil(LEAST / once)
+        if enough <= 1.2 * count:
+            return max(1, enough), once
+        count = min(enough, 16 * count)
 
 
 def _reading(run: Callable[[int], None], count: int) -> float:
