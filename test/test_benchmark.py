@@ -118,7 +118,7 @@ def test_a_cold_start_does_not_set_the_count(monkeypatch):
         clock[0] += 1e-6 * count + (1e-3 if len(made) < 2 else 0.0)
         made.append(count)
     times, = cpu_time.interleaved([run], rounds=3)
-    assert made[-3:] == [2000] * 3
+    assert all(2000 <= count <= 2001 for count in made[-3:])   # LEAST over 1e-6 s, rounded up
     np.testing.assert_allclose(times, 1e-6, rtol=1e-6)
 
 
