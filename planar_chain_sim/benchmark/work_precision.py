@@ -9,7 +9,7 @@ import numpy as np
 from .cpu_time import interleaved
 from .peers import Curve, half_decades, Run, steps_of
 from .problems import Problem, PROBLEMS
-from ..integrators import AUTO, METHODS
+from ..integrators import METHODS
 from ..simulation import Simulation
 
 OWN = 'planar_chain_sim'
@@ -44,11 +44,15 @@ def own_integration(problem: Problem, method: str, step: float, tolerance: Optio
 
 def own_curves(problem: Problem) -> list[Curve]:
     """Return a curve for every row of METHODS, and for 'auto' where it has error control."""
-    curves, rows = [], dict(METHODS)
-    if METHODS.get(AUTO) is None or METHODS[AUTO].adaptive:
-        rows['auto'] = METHODS.get(AUTO)
-    for name, row in rows.items():
-        if row is None or row.adaptive:
+    curves = []
+    adaptive = {name: row.adaptive for name, row in METHODS.items()}
+    try:
+        Simulation(problem.chain(), 'auto', problem.duration, 1e-6)
+        adaptive['auto'] = True
+    except ValueError:   # it stands for a method with a fixed step
+        pass
+    for name, controlled in adaptive.items():
+        if controlled:
             curves.append(Curve(OWN, name, 'tolerance', half_decades(-1, -16), lambda tolerance, name=name: (
                 own_integration(problem, name, problem.duration, tolerance))))
         else:
