@@ -36,7 +36,7 @@ def interleaved(runs: Sequence[Callable[[int], None]], rounds: int, what: str = 
 
 
 def _calibrated(run: Callable[[int], None]) -> tuple[int, float]:
-    """Return how many repetitions take LEAST s, and the CPU seconds of one: grown from 1, as the first runs are cold."""
+    """Return how many repetitions take LEAST s, and the CPU seconds of one; grown from 1, as first runs are cold."""
     run(1)
     count = 1
     while True:
