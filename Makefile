@@ -8,8 +8,10 @@ KERNEL := planar_chain_sim/kernel
 FOLDER := $(shell pwd | cksum | cut -d ' ' -f 1)
 RUN_READY := $(VENV)/run-ready-$(FOLDER)
 TEST_READY := $(VENV)/test-ready-$(FOLDER)
+BENCH_READY := $(VENV)/bench-ready-$(FOLDER)
 RUN_EXTRAS := ros
 TEST_EXTRAS := ros,test
+BENCH_EXTRAS := ros,benchmark
 SOURCES := setup.py pyproject.toml $(wildcard $(KERNEL)/*)
 
 # The packages of a sourced ROS belong to its own Python; here everything comes from .venv.
@@ -41,8 +43,10 @@ colcon: $(TEST_READY)
 	$(COLCON) build --build-base build/copied --install-base build/install-copied
 	$(COLCON) build --build-base build/linked --install-base build/install-linked --symlink-install
 
-bench: $(RUN_READY)
-	@exec $(VENV)/bin/benchmark $(or $(ARGS),step-time)
+# All suites within half an hour on two cores; ARGS='work-precision --picture work.svg' for one of them.
+BENCH_FOLDER := build/benchmark
+bench: $(BENCH_READY)
+	@exec $(VENV)/bin/benchmark $(or $(ARGS),all --folder $(BENCH_FOLDER))
 
 # A candidate is run, not looked up: a name on the PATH can be a shim that fails, or lack venv or the C headers.
 CANDIDATES := $(or $(PYTHON),python3.14 python3.13 python3.12 python3.11 python3.10 python3)
@@ -72,6 +76,10 @@ $(RUN_READY): $(SOURCES)
 $(TEST_READY): $(SOURCES)
 	$(call set_up,$(TEST_EXTRAS))
 	@touch $(RUN_READY) $(TEST_READY)
+
+$(BENCH_READY): $(SOURCES)
+	$(call set_up,$(BENCH_EXTRAS))
+	@touch $(RUN_READY) $(BENCH_READY)
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info .pytest_cache .hypothesis planar_chain_sim/_kernel*.so

@@ -42,6 +42,7 @@ setup(
         # The same bits on every IEEE machine: no contraction, no fast-math (not even from CFLAGS), no -march.
         extra_compile_args=['-std=c++17', '-O3', '-ffp-contract=off', '-fno-fast-math', '-fvisibility=hidden', '-g0'],
     )],
+    package_data={f'{NAME}.benchmark.peers': ['*.cpp']},   # compiled when a benchmark needs them
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
@@ -74,9 +75,10 @@ setup(
             'flake8', 'flake8-docstrings', 'flake8-import-order', 'flake8-quotes',  # the rules of ament_lint
         ],
         'benchmark': [
-            'mujoco', 'pin', 'scipy',    # peers
-            'heyoka',                    # Taylor integrator: references at round-off
-            'matplotlib',                # pictures from the CSV
+            'mujoco', 'pin', 'scipy',    # peers; `drake` is measured too where it is installed
+            'heyoka', 'mpmath',          # Taylor integrator, a peer; references in many digits
+            'cmeel-eigen<4',             # headers with which pin's are compiled
+            'matplotlib',                # pictures
         ],
     },
     entry_points={'console_scripts': [

@@ -4,6 +4,7 @@ import pytest
 from random_trees import random_state, random_tree
 
 import planar_chain_sim as pcs
+from planar_chain_sim.benchmark.peers.mujoco_peer import mujoco_model
 
 SEEDS = range(30)
 # Two stable solutions differ by about cond(H) eps: the worst of these trees is 3e-14. Entries of H and T are plain
@@ -18,28 +19,6 @@ def spring_and_damper(chain, position, velocity):
 
 def in_space(vector):
     return np.array([vector.real, vector.imag, 0.0])
-
-
-def mujoco_model(mujoco, chain):
-    """Return hinges about z and slides in the x-y plane; a slide's axis is in the body's frame there, our carrier's."""
-    spec = mujoco.MjSpec()
-    spec.option.gravity = in_space(chain.gravity)
-    made = []
-    for body in chain.bodies:
-        carrier = spec.worldbody if body.carrier < 0 else made[body.carrier]
-        part = carrier.add_body(name=body.name, pos=in_space(body.origin),
-                                quat=[np.cos(body.angle / 2), 0.0, 0.0, np.sin(body.angle / 2)])
-        part.mass, part.ipos, part.inertia = body.mass, in_space(body.center_of_mass), [body.inertia_com] * 3
-        part.explicitinertial = True
-        if body.slide:
-            direction = body.slide.axis - body.angle
-            part.add_joint(name=body.slide.name, type=mujoco.mjtJoint.mjJNT_SLIDE, armature=body.slide.armature,
-                           axis=[np.cos(direction), np.sin(direction), 0.0])
-        if body.rotation:
-            part.add_joint(name=body.rotation.name, type=mujoco.mjtJoint.mjJNT_HINGE, armature=body.rotation.armature,
-                           axis=[0.0, 0.0, body.rotation.axis])
-        made.append(part)
-    return spec.compile()
 
 
 def pinocchio_model(pin, chain):
@@ -72,11 +51,11 @@ def test_mujoco_agrees(seed):
     mujoco = pytest.importorskip('mujoco')
     chain = random_tree(seed, bodies=2 + seed % 12)
     position, velocity, effort = random_state(chain, seed)
-    model = mujoco_model(mujoco, chain)
+    model = mujoco_model(chain)
     data = mujoco.MjData(model)
     address = [model.joint(name).dofadr[0] for name in chain.joint_names]   # MuJoCo's order is depth first
     data.qpos[address], data.qvel[address] = position, velocity
-    data.qfrc_applied[address] = effort + spring_and_damper(chain, position, velocity)
+    data.qfrc_applied[address] = effort   # damping and springs are the model's own
     mujoco.mj_forward(model, data)
     wanted = pcs.forward_dynamics(chain, position, velocity, effort)
     np.testing.assert_allclose(data.qacc[address], wanted, rtol=0, atol=SOLVED * np.abs(wanted).max())

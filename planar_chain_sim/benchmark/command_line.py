@@ -1,44 +1,129 @@
-"""benchmark: measure, print a table, keep it as CSV."""
+"""benchmark: measure, print a table, keep it as CSV and as a picture."""
 from __future__ import annotations
 
 import csv
+from importlib import import_module
+from pathlib import Path
 import sys
+from typing import NamedTuple, Optional
 
 from ..command_line import Mistake, Parser, run_command
 
+
+class Suite(NamedTuple):
+    """A module with COLUMNS and `rows()`, and what it measures; imported when asked for: only one of them needs ROS."""
+
+    module: str
+    text: str
+
+
 SUITES = {
-    'step-time': 'ns per evaluation and per RK4 tick of serial chains of 1 to 4096 links',
-    'node': 'the ROS 2 node: time to the first joint_states, CPU share and lateness at 1 kHz with recording',
+    'work-precision': Suite('work_precision', 'CPU time against error on named problems, every method and every peer'),
+    'references': Suite('references', 'where the named problems end, by two integrations in many digits; minutes'),
+    'step-time': Suite('step_time', 'one evaluation and one step of serial chains of 1 to 512 links, with peers'),
+    'scaling': Suite('scaling', 'evaluation, load time and memory of serial chains of up to 4096 links'),
+    'skipping': Suite('skipping', 'what each feature of a scene costs, and what its absence saves'),
+    'batch': Suite('batch', 'many states at once: evaluations and steps per core-second, with peers'),
+    'energy': Suite('energy_drift', 'energy error of the double pendulum over 1000 s, and its growth with time'),
+    'node': Suite('node_load', 'the ROS 2 node: time to the first joint_states, CPU share and lateness at 1 kHz'),
 }
+NOT_OF_ALL = ('references', 'node')   # the first takes long and never changes, the second needs ROS 2
 
 
-def _suite(name: str):
-    """Columns and generator of rows, imported when asked for: only one of them needs ROS."""
-    if name == 'step-time':
-        from .step_time import COLUMNS, step_times as rows
-    else:
-        from .node_load import COLUMNS, node_load as rows
-    return COLUMNS, rows
+def _module(name: str):
+    return import_module(f'{__package__}.{SUITES[name].module}')
+
+
+def _shown(row) -> str:
+    return ' | '.join(f'{value:.4g}' if isinstance(value, float) else '' if value is None else str(value)
+                      for value in row)
+
+
+def _touch(path: Optional[Path], flag: str) -> None:
+    """See that a file can be written; Mistake."""
+    if path is None:
+        return
+    if flag == '--picture' and path.suffix not in ('.png', '.svg'):
+        raise Mistake(f"--picture is {str(path)!r}, must end in '.png' or '.svg'")
+    try:
+        path.open('ab').close()
+    except OSError as error:
+        raise Mistake(f'{flag} {str(path)!r}: {error.strerror}') from None
+
+
+def _write(path: Path, table) -> None:
+    with open(path, 'w', newline='') as file:
+        csv.writer(file).writerows(table)
+
+
+def _open_peers(wanted: Optional[str]) -> dict:
+    """Return the peers of a list of names, all where None; say which were found and why others were not; Mistake."""
+    from .peers import open_peers, PEERS
+    names = list(PEERS) if wanted is None else [] if wanted == 'none' else wanted.split(',')
+    for name in names:
+        if name not in PEERS:
+            raise Mistake(f'--peers: there is no {name!r}, must be none or some of {",".join(PEERS)}')
+    found, missing = open_peers(names)
+    print('peers:', ', '.join(f'{name} {peer.version}' for name, peer in found.items()) or 'none')
+    for name, reason in missing.items():
+        print(f'not measured: {name}: {reason}')
+    return found
+
+
+def run_suite(name: str, table_file: Optional[Path], picture: Optional[Path], quick: bool, peers: dict) -> None:
+    """Measure a suite: print its rows as they come and its summary, write CSV and picture; Mistake."""
+    module = _module(name)
+    for file, flag in ((table_file, '--csv'), (picture, '--picture')):   # before minutes of measuring
+        _touch(file, flag)
+    table = []
+    print(_shown(module.COLUMNS))
+    for row in module.rows(peers, quick):
+        table.append(row)
+        print(_shown(row), flush=True)
+    if table_file:
+        _write(table_file, [module.COLUMNS, *table])
+    if hasattr(module, 'summary'):
+        columns, summary = module.summary(table)
+        print('\n'.join(['', _shown(columns), *map(_shown, summary)]), flush=True)
+        if table_file:
+            _write(table_file.with_name(f'{table_file.stem}_summary{table_file.suffix}'), [columns, *summary])
+    if picture:
+        try:
+            module.draw(table, picture)
+        except ImportError as error:
+            raise Mistake(f'pictures need the extra [benchmark] ({error})') from None
 
 
 def _benchmark(arguments) -> int:
-    suites = '\n'.join(f'  {name}: {text}' for name, text in SUITES.items())
-    parser = Parser('benchmark', f'Measure and print:\n{suites}', 'benchmark step-time --csv step_time.csv')
-    parser.add_argument('suite', choices=SUITES)
-    parser.add_argument('--csv', metavar='FILE', help='write the table to this file too')
+    suites = '\n'.join(f'  {name}: {suite.text}' for name, suite in SUITES.items())
+    parser = Parser('benchmark', f'Measure and print:\n{suites}\n  all: all of these but {" and ".join(NOT_OF_ALL)}',
+                    'benchmark work-precision --csv work_precision.csv --picture work_precision.svg')
+    parser.add_argument('suite', choices=(*SUITES, 'all'))
+    parser.add_argument('--csv', metavar='FILE', type=Path, help='write the table to this file too')
+    parser.add_argument('--picture', metavar='FILE', type=Path, help='draw it: PNG or SVG by the ending')
+    parser.add_argument('--folder', metavar='FOLDER', type=Path, help='of `all`: for the CSVs and pictures')
+    parser.add_argument('--peers', metavar='NAMES', help='of the other libraries only these, as A,B; or none')
+    parser.add_argument('--quick', action='store_true', help='few and coarse settings: to see that it runs')
     options = parser.parse_args(arguments)
-    columns, rows = _suite(options.suite)
-    table = [columns]
-    print(' | '.join(columns))
-    for row in rows():
-        table.append(row)
-        print(' | '.join(f'{value:.4g}' if isinstance(value, float) else str(value) for value in row), flush=True)
-    if options.csv:
-        try:
-            with open(options.csv, 'w', newline='') as file:
-                csv.writer(file).writerows(table)
-        except OSError as error:
-            raise Mistake(f'--csv {options.csv!r}: {error.strerror}') from None
+    if (options.suite == 'all') != (options.folder is not None):
+        raise Mistake('--folder goes with `all`, which wants it')
+    if options.suite == 'all' and (options.csv or options.picture):
+        raise Mistake('--csv and --picture go with one suite, `all` takes --folder')
+    if options.picture and not hasattr(_module(options.suite), 'draw'):
+        raise Mistake(f'{options.suite} has no picture')
+    peers = _open_peers(options.peers) if options.suite not in NOT_OF_ALL else {}
+    if options.suite != 'all':
+        run_suite(options.suite, options.csv, options.picture, options.quick, peers)
+        return 0
+    try:
+        options.folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise Mistake(f'--folder {str(options.folder)!r}: {error.strerror}') from None
+    for name in SUITES:
+        if name not in NOT_OF_ALL:
+            print(f'\n== {name}: {SUITES[name].text}', flush=True)
+            picture = options.folder / f'{name}.svg' if hasattr(_module(name), 'draw') else None
+            run_suite(name, options.folder / f'{name}.csv', picture, options.quick, peers)
     return 0
 
 

@@ -1,0 +1,202 @@
+"""The benchmark executable on tiny settings, its named problems and its arithmetic; nothing here judges a wall time."""
+import csv
+from dataclasses import replace
+import os
+
+import numpy as np
+import pytest
+from random_trees import random_tree
+
+import planar_chain_sim as pcs
+from planar_chain_sim.benchmark import batch, cpu_time, energy_drift, references, scaling, skipping, work_precision
+from planar_chain_sim.benchmark.command_line import main
+from planar_chain_sim.benchmark.problems import PROBLEMS, uniform_rods
+from planar_chain_sim.chain_yaml import chain_from_text
+from planar_chain_sim.plan import plan_of
+from planar_chain_sim.simulation import initial_state
+
+OWN = work_precision.OWN
+
+
+def table_of(path):
+    with open(path, newline='') as file:
+        return list(csv.reader(file))
+
+
+@pytest.mark.parametrize('suite', ['work-precision', 'step-time', 'scaling', 'skipping', 'energy'])
+def test_suite_runs_with_no_peer(suite, tmp_path, capsys):
+    assert main([suite, '--quick', '--peers', 'none', '--csv', str(tmp_path / 'table.csv')]) == 0
+    printed = capsys.readouterr().out
+    header, *rows = table_of(tmp_path / 'table.csv')
+    assert 'peers: none' in printed and ' | '.join(header) in printed
+    assert rows and all(len(row) == len(header) for row in rows)
+    for name in (name for name in header if 'ns' in name.split(', ')[-1] and 'saved' not in name):
+        assert all(float(row[header.index(name)] or 1.0) > 0.0 for row in rows)
+
+
+@pytest.mark.parametrize('suite, ending, mark', [('work-precision', 'svg', b'<?xml'), ('step-time', 'png', b'\x89PNG'),
+                                                 ('scaling', 'svg', b'<?xml')])
+def test_picture_by_the_same_command(suite, ending, mark, tmp_path):
+    pytest.importorskip('matplotlib')
+    picture = tmp_path / f'picture.{ending}'
+    assert main([suite, '--quick', '--peers', 'none', '--picture', str(picture)]) == 0
+    assert picture.read_bytes().startswith(mark)
+
+
+def test_all_writes_a_folder(tmp_path):
+    pytest.importorskip('matplotlib')
+    assert main(['all', '--quick', '--peers', 'none', '--folder', str(tmp_path / 'new')]) == 0
+    written = {path.name for path in (tmp_path / 'new').iterdir()}
+    assert {'work-precision.csv', 'work-precision_summary.csv', 'work-precision.svg', 'step-time.csv', 'scaling.svg',
+            'skipping.csv', 'batch.csv', 'energy.csv'} <= written
+
+
+@pytest.mark.parametrize('arguments, said', [
+    (['all'], '--folder'), (['step-time', '--folder', 'x'], '--folder'), (['step-time', '--peers', 'Moco'], "'Moco'"),
+    (['skipping', '--picture', 'a.svg'], 'no picture'), (['step-time', '--picture', 'a.jpeg'], "'.png'"),
+    (['step-time', '--csv', '/nowhere/a.csv'], '--csv'), (['node', '--csv', '/nowhere/a.csv'], '--csv'),
+    (['speed'], 'speed')])
+def test_mistake_is_one_sentence_before_anything_is_measured(arguments, said, capsys):
+    assert main([*arguments, '--quick']) == 2
+    printed = capsys.readouterr()
+    assert printed.err.count('\n') == 1 and said in printed.err and '|' not in printed.out
+
+
+def test_a_curve_ends_where_it_gets_no_finer_or_too_dear():
+    problem = PROBLEMS['double_pendulum']
+    rk4 = next(curve for curve in work_precision.own_curves(problem) if curve.method == 'rk4')
+    tried = work_precision._tried(problem, replace(rk4, settings=[1e-3, 5e-4, 2.5e-4]), 10.0)
+    assert [setting for setting, _, _ in tried] == [1e-3, 5e-4, 2.5e-4]
+    coarse, fine = (counted[0] for _, _, counted in tried[1:])
+    assert 3.8 < np.log2(coarse / fine) < 4.2            # the order, seen against the stored digits
+    assert [counted[1:] for _, _, counted in tried] == [(4 * n, n, 0) for n in (5000, 10000, 20000)]
+    tried[0][1].go()                                     # a second run starts again, and counts again
+    assert tried[0][1].end()[1:] == (20000, 5000, 0) and problem.error(tried[0][1].end()[0]) == tried[0][2][0]
+    assert len(work_precision._tried(problem, replace(rk4, settings=[0.01, 0.005]), 0.0)) == 1
+    idle = work_precision._tried(problem, replace(rk4, settings=[0.01] * 9), 10.0)
+    assert len(idle) == 1 + work_precision.PATIENCE
+
+
+def test_summary_takes_the_cheapest_setting_that_reaches_each_target():
+    def row(library, method, error, median):
+        return ('problem', library, method, 'step', 0.1, error, 1, 1, 0, median, median / 2)
+    table = [row(OWN, 'a', 1e-3, 1.0), row(OWN, 'a', 1e-7, 4.0), row(OWN, 'b', 1e-7, 3.0), row('peer', 'c', 1e-9, 30.0),
+             row('peer', 'c', 1.1e-3, 0.1)]
+    _, result = work_precision.summary(table)
+    found = {line[1:3]: line[3:7] for line in result}
+    assert found[OWN, 'a'] == (1.0, 4.0, '', '')
+    assert found[OWN, 'BEST'] == (1.0, 3.0, '', '')
+    assert found['peer', 'BEST'] == (30.0, 30.0, 30.0, '')
+    assert found['peer', 'TIMES OURS'] == (30.0, 10.0, '', '')
+    assert work_precision._frontier([(1e-3, 1.0), (1e-6, 0.5), (1e-9, 2.0)]) == [(1e-9, 2.0), (1e-6, 0.5)]
+
+
+def test_readings_are_taken_in_turns(monkeypatch):
+    calls, clock = [], [0.0]
+    monkeypatch.setattr(cpu_time, 'process_time', lambda: clock[0])
+
+    def run(name, seconds):
+        def go(count):
+            calls.append((name, count))
+            clock[0] += seconds * count
+        return go
+    times = cpu_time.interleaved([run('short', 1e-4), run('dear', 1.0)], rounds=6, budget=4.0)
+    assert [len(readings) for readings in times] == [6, 4]
+    np.testing.assert_allclose(times[0], 1e-4, rtol=1e-9)
+    np.testing.assert_allclose(times[1], 1.0, rtol=1e-9)
+    asked = dict(calls)                                        # the last count of each
+    assert asked == {'short': 20, 'dear': 1}
+    turns = [name for name, _ in calls[-10:]]
+    assert turns.count('short') == 6 and turns.count('dear') == 4 and 'dear dear' not in ' '.join(turns)
+
+
+def test_a_cold_start_does_not_set_the_count(monkeypatch):
+    clock, made = [0.0], []
+    monkeypatch.setattr(cpu_time, 'process_time', lambda: clock[0])
+
+    def run(count):
+        clock[0] += 1e-6 * count + (1e-3 if len(made) < 2 else 0.0)
+        made.append(count)
+    times, = cpu_time.interleaved([run], rounds=3)
+    assert all(2000 <= count <= 2001 for count in made[-3:])   # LEAST over 1e-6 s, rounded up
+    np.testing.assert_allclose(times, 1e-6, rtol=1e-6)
+
+
+def test_growth_is_the_slope_of_the_root_mean_square():
+    time = np.arange(1.0, 1001.0)
+    errors = np.array([[1.0], [-1.0], [2.0]]) * time**0.5
+    assert energy_drift._growth(errors) == pytest.approx(0.5, abs=1e-12)
+
+
+def test_energy_is_measured_over_its_range():
+    start, range_ = energy_drift._energy_range(energy_drift.configured('double_pendulum'))
+    assert range_ == pytest.approx(9.81 * (1.5 * (1 - np.cos(2.0)) + 0.5 * (1 - np.cos(2.5))), rel=1e-14)   # 29.67 J
+    assert len({chain.joints[0].position for chain in energy_drift._scenes(3)}) == 3
+
+
+@pytest.mark.parametrize('name', PROBLEMS)
+def test_stored_end_is_where_another_library_ends(name):
+    heyoka_peer = pytest.importorskip('planar_chain_sim.benchmark.peers.heyoka_peer')
+    pytest.importorskip('heyoka')
+    problem = PROBLEMS[name]
+    chain, peer = problem.chain(), heyoka_peer.Peer()
+    taylor, system = peer.integrator(chain, 'Taylor, articulated bodies', 1e-11)
+    taylor.propagate_until(problem.duration)
+    position, velocity = system.joints(taylor.state)
+    assert problem.error(position) < 1e-9    # tolerance times what these motions amplify, 400 at most
+    np.testing.assert_allclose(velocity, problem.end[1], rtol=1e-8, atol=1e-8)
+
+
+@pytest.mark.parametrize('name', PROBLEMS)
+def test_two_integrations_in_many_digits_agree(name):
+    pytest.importorskip('heyoka')
+    chain, duration = PROBLEMS[name].chain(), 0.004
+    first, second = (motion(chain, duration, *initial_state(chain))
+                     for motion in (references.extrapolated_motion, references.taylor_motion))
+    for a, b in zip(first, second):
+        assert max(abs(x - y) for x, y in zip(a, b)) < 1e-20
+    simulation = pcs.Simulation(chain, 'rk4', duration / 64)
+    simulation.advance(64)
+    np.testing.assert_allclose(simulation.position, [float(x) for x in first[0]], rtol=0, atol=1e-13)
+    np.testing.assert_allclose(simulation.velocity, [float(x) for x in first[1]], rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize('seed', range(5))
+def test_virtual_power_in_many_digits_is_our_acceleration(seed):
+    from mpmath import mp
+    chain = random_tree(seed, 5, kinds=('turning', 'sliding and turning'))
+    position, velocity = np.random.default_rng(seed).normal(size=(2, chain.joint_count))
+    with mp.workdps(30):
+        got = references.VirtualPower(mp, chain).accelerations(*([mp.mpf(float(x)) for x in values]
+                                                                 for values in (position, velocity)))
+    wanted = pcs.forward_dynamics(chain, position, velocity, np.zeros(chain.joint_count))
+    np.testing.assert_allclose(wanted, [float(x) for x in got], rtol=0, atol=3e-13 * np.abs(wanted).max())
+
+
+@pytest.mark.parametrize('feature', skipping.FEATURES)
+def test_feature_is_in_the_plan_of_its_scene_alone(feature):
+    add, zero = skipping.FEATURES[feature]
+    plain = uniform_rods(skipping.LINKS, gravity=0j, bend=0.2)
+    silent = feature.startswith(('joint offset', 'mass centre'))   # data of every scene, no feature of the plan yet
+    assert silent or set(plan_of(add(plain)).used) - set(plan_of(plain).used)
+    if zero:
+        assert plan_of(zero(plain)).used == plan_of(plain).used
+    if feature == 'welded halves':
+        H, position = pcs.mass_matrix(plain, np.ones(8)), np.ones(8)
+        np.testing.assert_allclose(pcs.mass_matrix(add(plain), position), H, rtol=1e-13)
+
+
+def test_text_of_a_long_chain_loads_as_the_same_chain():
+    chain = uniform_rods(7, bend=0.2)
+    loaded = chain_from_text(scaling.chain_text(chain))
+    arrays = np.random.default_rng(3).normal(size=(3, 7))
+    np.testing.assert_array_equal(pcs.forward_dynamics(chain, *arrays), pcs.forward_dynamics(loaded, *arrays))
+    assert [joint.position for joint in loaded.joints] == [joint.position for joint in chain.joints]
+
+
+def test_batch_says_what_there_is_not():
+    chain = uniform_rods(2)
+    states = np.zeros((4, 2))
+    assert (batch.own_evaluation(chain, states, states, states) is None) == (
+        not hasattr(plan_of(chain).model, 'evaluate_batch'))
+    assert os.path.dirname(batch.__file__) == os.path.dirname(scaling.__file__)
