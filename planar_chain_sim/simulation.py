@@ -83,6 +83,8 @@ class Simulation:
             return resolved, plan_of(self.chain).why_form if form == 'auto' else ''
         if self.chain.joint_count > UNROLLED_SERIES:
             return 'recursive', f' (the series of more than {UNROLLED_SERIES} joints is not unrolled)'
+        if form == 'auto' and plan_of(self.chain).model.refined:
+            return 'recursive', ' (auto: light links carry a heavy one)'
         if form == 'auto':
             return 'dense', f' (auto: the series of at most {UNROLLED_SERIES} joints is unrolled)'
         return resolved, ''
