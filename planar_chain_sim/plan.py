@@ -113,3 +113,27 @@ def singular_joint(chain: Chain) -> Optional[str]:
         if joint < 0:
             return None
     return chain.joint_names[joint]
+
+
+def damping_rate(chain: Chain) -> float:
+    """
+    Estimate of the fastest decay that joint damping gives the chain at its initial state, 1/s; 0 without damping.
+
+    Power iteration for the largest eigenvalue of H^-1 d, six times an O(n) solution.
+    """
+    damping = np.array([joint.damping for joint in chain.joints])
+    if not damping.any():
+        return 0.0
+    model, zero = plan_of(chain).model, np.zeros(chain.joint_count)
+    position = np.array([joint.position for joint in chain.joints])
+    rest, singular = model.forward_dynamics(position, zero, zero)
+    rate, vector = 0.0, np.ones(chain.joint_count)
+    for _ in range(6):
+        size = np.abs(vector).max()
+        if singular >= 0 or not 0.0 < size < np.inf:
+            break
+        vector /= size
+        answer, singular = model.forward_dynamics(position, zero, damping * vector)
+        vector = answer - rest
+        rate = float(np.abs(vector).max())
+    return rate if np.isfinite(rate) else 0.0

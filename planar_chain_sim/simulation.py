@@ -9,8 +9,8 @@ import numpy as np
 from . import _kernel
 from .chain import Chain
 from .dynamics import forward_dynamics, joint_array, resolve_form, SimulationError
-from .integrators import AUTO, DEFAULT_TOLERANCE, method_data, METHODS, taylor_order, UNROLLED_SERIES
-from .plan import plan_of
+from .integrators import choose_method, DEFAULT_TOLERANCE, method_data, METHODS, STIFF, taylor_order, UNROLLED_SERIES
+from .plan import damping_rate, plan_of
 
 # Outcomes of the kernel's step, in the order of `enum class Outcome` (kernel/integrators.hpp).
 _WHY = (None, 'the configuration is singular', 'the state ran away and would not be finite',
@@ -34,18 +34,19 @@ def initial_state(chain: Chain) -> tuple[np.ndarray, np.ndarray]:
             np.array([joint.velocity for joint in chain.joints], dtype=np.float64))
 
 
-def resolve_method(method: str, tolerance: Optional[float]):
+def resolve_method(chain: Chain, method: str, tolerance: Optional[float]):
     """Row of METHODS and tolerance for a name or 'auto'; ValueError: unknown name, a tolerance that cannot be used."""
     if method != 'auto' and method not in METHODS:
         raise ValueError(f"method is {method!r}, must be 'auto' or one of {', '.join(map(repr, METHODS))}")
-    row = METHODS[AUTO if method == 'auto' else method]
+    adaptive = method == 'auto' or METHODS[method].adaptive
     if tolerance is None:
-        return row, DEFAULT_TOLERANCE if row.adaptive else None
-    if not row.adaptive:
-        raise ValueError(f'tolerance is {tolerance!r}, must be None: method {row.name!r} has a fixed step')
-    if not (isinstance(tolerance, (int, float, np.floating)) and 0.0 < tolerance < 1.0):
+        tolerance = DEFAULT_TOLERANCE if adaptive else None
+    elif not adaptive:
+        raise ValueError(f'tolerance is {tolerance!r}, must be None: method {method!r} has a fixed step')
+    elif isinstance(tolerance, bool) or not isinstance(tolerance, (int, float, np.floating)) or not 0 < tolerance < 1:
         raise ValueError(f'tolerance is {tolerance!r}, must be a number between 0 and 1')
-    return row, float(tolerance)
+    name = choose_method(tolerance, damping_rate(chain)) if method == 'auto' else method
+    return METHODS[name], None if tolerance is None else float(tolerance)
 
 
 class Simulation:
@@ -68,7 +69,7 @@ class Simulation:
             raise ValueError(f"joint '{sticky}' of {chain.name} has `friction`, "
                              'whose sticking this version does not simulate yet')
         self.chain, self.step = chain, float(step)
-        self._row, self.tolerance = resolve_method(method, tolerance)
+        self._row, self.tolerance = resolve_method(chain, method, tolerance)
         self.method, self._asked = self._row.name, method
         self.form, self._why_form = self._resolve_form(form)
         self._stepper = _kernel.Stepper(plan_of(chain).model, method_data(self._row, self.tolerance), self.step,
@@ -128,7 +129,8 @@ class Simulation:
     @property
     def plan(self) -> str:
         """What this scene needs and what is skipped, the method and form chosen and why, on one line."""
-        why = ' (auto: the least work at every tolerance)' if self._asked == 'auto' else ''
+        stiff = f'damping decays at {damping_rate(self.chain):.0f} 1/s'
+        why = f' (auto: {stiff if self.method == STIFF else "not stiff"})' if self._asked == 'auto' else ''
         order = self._row.order or f'{taylor_order(self.tolerance)} for tolerance {self.tolerance:g}'
         return (f'{plan_of(self.chain)}; method {self.method}{why}, order {order}, tick {self.step:g} s; '
                 f'form {self.form}{self._why_form}')

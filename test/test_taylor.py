@@ -1,11 +1,13 @@
 """The Taylor series: twin of itself in two forms, of Runge-Kutta and of energy; order; one motion however it is cut."""
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from random_trees import random_tree
 
 import planar_chain_sim as pcs
 from planar_chain_sim import _kernel
-from planar_chain_sim.plan import plan_of
+from planar_chain_sim.plan import damping_rate, plan_of
 from planar_chain_sim.simulation import initial_state
 
 TWO_RODS = pcs.load_chain('double_pendulum.yaml')
@@ -146,5 +148,18 @@ def test_a_state_that_runs_away_stops_at_the_last_good_tick_however_it_is_cut():
 
 @pytest.mark.parametrize('tolerance', [0.0, -1.0, 1.0, float('nan'), 'small', True])
 def test_tolerances_that_make_no_sense_are_refused(tolerance):
-    with pytest.raises(ValueError, match='tolerance is'):
-        pcs.Simulation(TWO_RODS, 'taylor', tolerance=tolerance)
+    for method in ('auto', 'taylor'):
+        with pytest.raises(ValueError, match='tolerance is'):
+            pcs.Simulation(TWO_RODS, method, tolerance=tolerance)
+
+
+@pytest.mark.parametrize('damping, method', [(0.0, 'taylor'), (100.0, 'taylor'), (1e4, 'rodas5p')])
+def test_auto_takes_the_method_for_stiff_joints_where_damping_is_stiff(damping, method):
+    chain = replace(TWO_RODS, bodies=tuple(
+        replace(body, rotation=replace(body.rotation, damping=damping)) for body in TWO_RODS.bodies))
+    simulation = pcs.Simulation(chain)
+    assert simulation.method == method and f'method {method} (auto: ' in simulation.plan
+    fastest = np.linalg.eigvals(np.linalg.solve(pcs.mass_matrix(chain, simulation.position), damping * np.eye(2))).max()
+    assert damping_rate(chain) == pytest.approx(fastest, rel=0.05, abs=1e-12)
+    simulation.advance(200)
+    assert simulation.statistics['steps'] < 600
