@@ -32,10 +32,21 @@ def test_below_one_ulp_of_fifty_digits(scale):
 
 
 def test_bits_are_the_same_on_every_machine():
-    """The sum of the bits of 8000 numbers, near angles alone: they come from no math library and no fused operation."""
-    numbers = [unit_vector(k * 411.7) for k in range(-2000, 2000)]
-    assert hashlib.sha256(np.array(numbers).astype('<c16').tobytes()).hexdigest() == (
-        'ad0d3ecf096dbd60227103855345de73941e91d26eb4fbe90d7856fa58ec7e1b')
+    """The sum of the bits of 8000 numbers: they come from no math library and no fused operation."""
+    for scale, bits in ((411.7, 'ad0d3ecf096dbd60227103855345de73941e91d26eb4fbe90d7856fa58ec7e1b'),
+                        (1.23456789e120, 'a4c503f3662efeb1c0bb92333d3fb370a7bb07ef2f7d99e04d0221a6c6b75a12')):
+        numbers = [unit_vector(k * scale) for k in range(-2000, 2000)]
+        assert hashlib.sha256(np.array(numbers).astype('<c16').tobytes()).hexdigest() == bits
+
+
+def test_far_angles_next_to_quarter_turns():
+    """Where the angle is reduced most: doubles next to k pi/2, and the double nearest of all to one (Muller, 2006)."""
+    random = np.random.default_rng(1)
+    with mp.workdps(400):
+        nearest = [float(int(k) * mp.pi / 2) for k in random.integers(10**6, 10**18, 300)]
+        for angle in [*nearest, 6381956970095103 * 2.0**797, -1.7976931348623157e308]:
+            z = unit_vector(angle)
+            assert ulps(z.imag, mp.sin(mpf(angle))) < 1.0 and ulps(z.real, mp.cos(mpf(angle))) < 1.0, angle
 
 
 def test_edges_and_angles_next_to_quarter_turns():

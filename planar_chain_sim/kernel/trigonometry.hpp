@@ -6,6 +6,7 @@
 #include <cmath>
 #include <type_traits>
 
+#include "far_angles.hpp"
 #include "lanes.hpp"
 
 namespace planar_chain {
@@ -43,6 +44,19 @@ inline Real with_sign(const Real& value, const Bits<Real>& negative) {
   return same_bits<Real>(same_bits<Bits<Real>>(value) ^ negative << 63);
 }
 
+// Of r + tail + quarter pi/2, |r| <= pi/4.
+template <class Real>
+inline void reduced_sine_cosine(const Real& r, const Real& tail, const Bits<Real>& quarter, Real& sine, Real& cosine) {
+  const Real z = r * r;
+  const Real half = 0.5 * z;
+  const Real s = r + (r * z * sine_series(z) + tail * (1.0 - half));
+  const Real c0 = 1.0 - half;
+  const Real c = c0 + (z * z * cosine_series(z) + (((1.0 - c0) - half) - tail * (r - r * z * sixth)));
+  const Truth<Real> odd = (quarter & 1) != 0;
+  sine = with_sign<Real>(select(odd, c, s), quarter >> 1 & 1);
+  cosine = with_sign<Real>(select(odd, s, c), (quarter + 1) >> 1 & 1);
+}
+
 // Of angle + low, |low| small beside it, of at most most_quarters quarter turns; true where the angle is farther and
 // the result is to be thrown away.
 template <class Real>
@@ -56,16 +70,7 @@ inline Truth<Real> near_sine_cosine(const Real& angle, const Real& low, Real& si
   const Real back = first - r;
   const Real tail = ((first - (r + back)) + (back - second)) - k * quarter_3 + low;
 
-  const Real z = r * r;
-  const Real half = 0.5 * z;
-  const Real s = r + (r * z * sine_series(z) + tail * (1.0 - half));
-  const Real c0 = 1.0 - half;
-  const Real c = c0 + (z * z * cosine_series(z) + (((1.0 - c0) - half) - tail * (r - r * z * sixth)));
-
-  const Bits<Real> quarter = same_bits<Bits<Real>>(shifted);
-  const Truth<Real> odd = (quarter & 1) != 0;
-  sine = with_sign<Real>(select(odd, c, s), quarter >> 1 & 1);
-  cosine = with_sign<Real>(select(odd, s, c), (quarter + 1) >> 1 & 1);
+  reduced_sine_cosine<Real>(r, tail, same_bits<Bits<Real>>(shifted), sine, cosine);
   return k * k > most_quarters * most_quarters;  // NaN needs no other road: it stays NaN
 }
 
@@ -73,10 +78,11 @@ inline Truth<Real> near_sine_cosine(const Real& angle, const Real& low, Real& si
 
 // Of angle + low, where low is what a sum of angles has lost by rounding.
 inline void sine_cosine(double angle, double low, double& sine, double& cosine) {
-  if (trigonometry::near_sine_cosine(angle, low, sine, cosine)) {  // far angles are left to the math library
-    sine = std::sin(angle);
-    cosine = std::cos(angle);
-  }
+  if (!trigonometry::near_sine_cosine(angle, low, sine, cosine)) return;
+  double r = angle - angle, tail = 0.0;  // of an infinite angle, no number
+  std::uint64_t quarter = 0;
+  if (r == 0.0) trigonometry::reduce_far(angle, r, tail, quarter);
+  trigonometry::reduced_sine_cosine<double>(r, tail + low, quarter, sine, cosine);
 }
 
 template <int count>
