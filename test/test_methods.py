@@ -1,5 +1,6 @@
 """Order, error control, dense output and repeatability of every row of METHODS."""
 from dataclasses import replace
+from fractions import Fraction
 from pathlib import Path
 import pickle
 
@@ -235,6 +236,18 @@ def test_semi_implicit_euler_moves_with_the_new_velocity():
     assert simulation.velocity.tolist() == [-0.5 - 0.875]
     assert simulation.position.tolist() == [0.875 - 0.25 * 1.375]
     assert simulation.statistics['evaluations'] == 2
+
+
+@pytest.mark.parametrize('name', ['semi_implicit_euler', 'gauss6'])
+def test_hidden_terms_of_velocities_enter_the_positions(name):
+    """Constant acceleration in steps of 2^-10 s: position with its hidden term is right far below double precision."""
+    start, step, ticks = 1000 / 3, Fraction(1, 1024), 100
+    simulation = pcs.Simulation(one_joint('slide', mass=3.0, velocity=start), name, float(step))
+    simulation.advance(ticks, [1.0])
+    time, rate = ticks * step, Fraction(simulation.acceleration[0])
+    exact = Fraction(start) * time + rate * time * (time + (step if name == 'semi_implicit_euler' else 0)) / 2
+    position, _, hidden, _ = (Fraction(array[0]) for array in simulation.checkpoint().state[:4])
+    assert abs(position + hidden - exact) < 1e-18
 
 
 def test_gauss6_says_when_its_iteration_does_not_converge():

@@ -4,10 +4,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from random_trees import one_joint, random_state, random_tree
-from test_methods import CONFIG
+from test_methods import CONFIG, double_pendulum
 from test_peers import pinocchio_model, spring_and_damper
 
 import planar_chain_sim as pcs
+from planar_chain_sim import _kernel
+from planar_chain_sim.integrators import method_data
 from planar_chain_sim.plan import plan_of
 
 SEEDS = range(30)
@@ -110,3 +112,19 @@ def test_fast_modes_are_damped_not_kept():
     simulation.advance(100)
     assert simulation.statistics['steps'] < 30
     assert abs(simulation.position[0] - 0.5) < 1e-15 and abs(simulation.velocity[0]) < 1e-12
+
+
+def test_a_step_whose_first_pivot_vanishes_is_between_its_neighbours():
+    """Just off upside down, H_11 + (h gamma)^2 K_11 = 0 at some length h: rows are exchanged, and nothing is lost."""
+    chain, row = double_pendulum(), pcs.METHODS['rodas5p']
+    model, position, velocity = plan_of(chain).model, np.array([np.pi - 1e-9, 1e-9]), np.zeros(2)
+    acceleration = pcs.forward_dynamics(chain, position, velocity, velocity)
+    mass, by_position, _ = model.derivatives(position, velocity, acceleration)
+    length, ends = np.sqrt(-mass[0, 0] / by_position[0, 0]) / row.gamma, []
+    for factor in (1.0 - 1e-9, 1.0, 1.0 + 1e-9):
+        stepper = _kernel.Stepper(model, method_data(row, 1e-9, fixed=factor * length), length, True)
+        stepper.set_state(position, velocity)
+        stepper.advance(0.0, 0, 1, None, None)
+        ends.append(stepper.velocity)
+    # the state itself is known to eps pi / 1e-9 = 7e-7 of what is off
+    assert np.abs(ends[2] - 2 * ends[1] + ends[0]).max() < 1e-5 * np.abs(ends[1]).max()

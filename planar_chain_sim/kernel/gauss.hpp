@@ -71,8 +71,8 @@ class Gauss final : public FixedStep {
  private:
   double* row(std::vector<double>& rows, int stage) { return &rows[static_cast<std::size_t>(stage) * joints_]; }
 
-  // Weights of the stages of the last `steps` steps, the last first, in the polynomial through them at the stages of the
-  // next step (Lagrange).
+  // Weights of the stages of the last `steps` steps, the last first, in the polynomial through them at the stages of
+  // the next step (Lagrange).
   std::vector<double> extrapolation(int steps) const {
     std::vector<double> weights;
     const int count = steps * stages_;
@@ -102,7 +102,8 @@ class Gauss final : public FixedStep {
       return Outcome::good;
     }
     const Outcome outcome = evaluate(state.position.data(), state.velocity.data(), actuator, joint);
-    for (int i = 0; i < stages_; ++i) std::memcpy(row(accelerations_, i), acceleration_.data(), joints_ * sizeof(double));
+    for (int i = 0; i < stages_; ++i)
+      std::memcpy(row(accelerations_, i), acceleration_.data(), joints_ * sizeof(double));
     return outcome;
   }
 
@@ -159,8 +160,9 @@ class Gauss final : public FixedStep {
         place += b_position_[l] * row(accelerations_, l)[k];
         rate += b_[l] * row(accelerations_, l)[k];
       }
-      const double turned = step_ * state.velocity[k] + step_ * (step_ * place + state.velocity_remainder[k]);
-      add_compensated(state.position[k], state.position_remainder[k], turned, next.position[k],
+      double coasted, lost;
+      add_compensated(state.position[k], state.position_remainder[k], step_ * state.velocity[k], coasted, lost);
+      add_compensated(coasted, lost, step_ * (step_ * place + state.velocity_remainder[k]), next.position[k],
                       next.position_remainder[k]);
       add_compensated(state.velocity[k], state.velocity_remainder[k], step_ * rate, next.velocity[k],
                       next.velocity_remainder[k]);

@@ -1,6 +1,7 @@
 // LU factors of a square matrix with exchange of rows (Golub, Van Loan, Matrix Computations, 3.4).
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <utility>

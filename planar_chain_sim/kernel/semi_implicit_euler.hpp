@@ -23,9 +23,9 @@ class SemiImplicitEuler final : public FixedStep {
     for (std::size_t i = 0; i < effort_.size(); ++i) {
       add_compensated(state.velocity[i], state.velocity_remainder[i], step_ * acceleration_[i], next.velocity[i],
                       next.velocity_remainder[i]);
-      add_compensated(state.position[i], state.position_remainder[i],
-                      step_ * next.velocity[i] + step_ * next.velocity_remainder[i], next.position[i],
-                      next.position_remainder[i]);
+      double coasted, lost;
+      add_compensated(state.position[i], state.position_remainder[i], step_ * next.velocity[i], coasted, lost);
+      add_compensated(coasted, lost, step_ * next.velocity_remainder[i], next.position[i], next.position_remainder[i]);
     }
     return Outcome::good;
   }
