@@ -15,7 +15,7 @@ from ..plan import plan_of
 
 LINKS, STATES = (2, 4, 8, 16), 4096
 COLUMNS = ('links', 'what', 'library', 'how', 'per state: median, ns', 'min, ns', 'per core-second: median',
-           'times ours: median', 'min')
+           'times ours: median', 'times ours: min')
 ROUNDS = 21
 STEP, STEPS = 1e-3, 20
 

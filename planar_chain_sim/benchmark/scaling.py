@@ -19,8 +19,8 @@ from ..simulation import initial_state
 
 LINKS = (16, 32, 64, 128, 256, 512, 1024, 2048, 4096)
 MOST_OF_PEERS = 512    # Pinocchio needs gigabytes beyond, MuJoCo refuses the model
-COLUMNS = ('links', 'library', 'how', 'evaluation, ns: median', 'min', 'per link: median', 'min', 'load, s: median',
-           'min', 'memory, MiB')
+COLUMNS = ('links', 'library', 'how', 'evaluation, ns: median', 'evaluation, ns: min', 'per link, ns: median',
+           'per link, ns: min', 'load, s: median', 'load, s: min', 'memory, MiB')
 ROUNDS, LOADS = 15, 5
 
 # A fresh interpreter loads the file once: CPU time of it, and the memory that it and a simulation took.
