@@ -49,6 +49,15 @@ def test_one_evaluation_keeps_thirteen_digits(count, ratio):
         assert fifty_digits.error(pcs.forward_dynamics(chain, position, velocity, effort), exact) < 1e-13
 
 
+@pytest.mark.parametrize('gravity', [-9.81j, 9.81 * np.exp(-0.7j), 0j])
+@pytest.mark.parametrize('links', [1, 2, 7, 33, 600])
+def test_what_needs_no_refinement_is_not_refined(links, gravity):
+    """Lying across, hanging or floating: straight, a chain may be in balance, and all of its acceleration rounding."""
+    rods = uniform_rods(links, complex(gravity))
+    hanging = dataclasses.replace(rods, bodies=(dataclasses.replace(rods.bodies[0], angle=-0.7), *rods.bodies[1:]))
+    assert not plan_of(hanging).model.refined
+
+
 def test_a_heavy_body_on_a_branch_and_on_a_slide_is_refined_too():
     def link(i, carrier, mass, slide=None, rotation=None):
         return Body(f'b{i}', carrier, 0.5 + 0j, 0.3, mass, 0.2 + 0.1j, 0.06 * mass, 0.01 * mass, slide, rotation)

@@ -46,14 +46,18 @@ class UnrolledDenseOf final : public WideForm<UnrolledDenseOf<N, Real>, Real> {
   }
 
  private:
-  static constexpr int W = N <= 2 ? N : (N + 3) / 4 * 4;  // whole vectors
+  // Of a single scene several links are computed at once, in whole vectors.
+  static constexpr int W = N <= 2 || lanes_in<Real> > 1 ? N : (N + 3) / 4 * 4;
 
   static void take_sines(const Real* angle, Real* s, Real* c) {
-    if constexpr (N != 2 || lanes_in<Real> != 1) return sine_cosine_each(angle, s, c, W);
-    Lanes<2> both, sines, cosines;  // no loop is made of two
-    set_lane(both, 0, angle[0]), set_lane(both, 1, angle[1]);
-    sine_cosine(both, sines, cosines);
-    for (int i = 0; i < N; ++i) s[i] = lane(sines, i), c[i] = lane(cosines, i);
+    if constexpr (N == 2 && lanes_in<Real> == 1) {  // too short for a loop to become vectors
+      Lanes<2> both, sines, cosines;
+      set_lane(both, 0, angle[0]), set_lane(both, 1, angle[1]);
+      sine_cosine(both, sines, cosines);
+      for (int i = 0; i < N; ++i) s[i] = lane(sines, i), c[i] = lane(cosines, i);
+    } else {
+      sine_cosine_each(angle, s, c, W);
+    }
   }
 
   // phi = P^T theta and -phi'^2.

@@ -27,8 +27,9 @@ class SerialRecursionOf final : public WideForm<SerialRecursionOf<Real>, Real> {
   }
 
   explicit SerialRecursionOf(const Chain& chain)
-      : count_(chain.link_count()), padded_((count_ + 3) / 4 * 4), stride_((padded_ + 7) / 8 / 2 * 16 + 8),
-        gravity_x_(chain.gravity_x), gravity_y_(chain.gravity_y), constants_(std::size_t(stride_) * constant_rows),
+      : count_(chain.link_count()), padded_(lanes_in<Real> > 1 ? count_ : (count_ + 3) / 4 * 4),
+        stride_((padded_ + 7) / 8 / 2 * 16 + 8), gravity_x_(chain.gravity_x), gravity_y_(chain.gravity_y),
+        constants_(std::size_t(stride_) * constant_rows),
         state_(std::size_t(stride_) * state_rows, Real(0.0)) {
     for (int i = 0; i < count_; ++i) {
       const Link& link = chain.links[i + 1];

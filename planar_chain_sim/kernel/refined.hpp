@@ -34,7 +34,7 @@ class RefinedRecursionOf final : public FormOf<Real> {
 };
 
 // A chain needs it where it moves an acceleration by more than this, relative to the largest, at one of a few fixed
-// states: the straight one at rest, where it hangs together best, and irregular ones.
+// states: the straight one at rest, where it is stiffest, and irregular ones.
 constexpr double most_correction = 1e-14;
 
 inline double largest_correction(const Chain& chain) {
@@ -44,9 +44,9 @@ inline double largest_correction(const Chain& chain) {
   double worst = 0.0;
   for (int trial = 0; trial < 5; ++trial) {
     for (std::size_t i = 0; i < joints; ++i) {
-      const double turn = 0.6180339887498949 * static_cast<double>((i + 1) * trial);
-      position[i] = 2.0 * (turn - std::floor(turn)), velocity[i] = 1.0 - 0.5 * position[i];
-      if (trial == 0) position[i] = 0.0;
+      const double turn = 0.6180339887498949 * static_cast<double>((i + 1) * (trial + 1)), part = turn - std::floor(turn);
+      position[i] = trial == 0 ? 0.0 : 2.0 * part, velocity[i] = trial == 0 ? 0.0 : 1.0 - part;
+      effort[i] = trial == 0 ? 1.0 - 2.0 * part : 0.0;  // straight, it may well be in balance but for this
     }
     if (form.forward(position.data(), velocity.data(), effort.data(), acceleration.data()) >= 0) continue;
     double largest = 0.0, moved = 0.0;
