@@ -50,7 +50,7 @@ def test_one_evaluation_keeps_thirteen_digits(count, ratio):
 
 
 @pytest.mark.parametrize('gravity', [-9.81j, 9.81 * np.exp(-0.7j), 0j])
-@pytest.mark.parametrize('links', [1, 2, 7, 33, 600])
+@pytest.mark.parametrize('links', [1, 2, 7, 33])
 def test_what_needs_no_refinement_is_not_refined(links, gravity):
     """Lying across, hanging or floating: straight, a chain may be in balance, and all of its acceleration rounding."""
     rods = uniform_rods(links, complex(gravity))
