@@ -14,6 +14,7 @@ from importlib import import_module
 __version__ = '0.1.0'
 
 _HOME = {
+    'BatchRun': 'batch', 'rollout_batch': 'batch',
     'BASE': 'chain', 'Body': 'chain', 'Chain': 'chain', 'ChainError': 'chain', 'Joint': 'chain',
     'chain_from_dict': 'chain_yaml', 'load_chain': 'chain_yaml',
     'energy': 'dynamics', 'forward_dynamics': 'dynamics', 'inverse_dynamics': 'dynamics', 'mass_matrix': 'dynamics',

@@ -49,6 +49,15 @@ def resolve_method(chain: Chain, method: str, tolerance: Optional[float]):
     return METHODS[name], None if tolerance is None else float(tolerance)
 
 
+def stop_error(chain: Chain, tick: int, time: float, outcome: int, joint: int, position, velocity,
+               where: str = '') -> SimulationError:
+    """Why the kernel stopped at this last good state, as an error to raise or to keep."""
+    name = chain.joint_names[joint]
+    return SimulationError(f"{where}joint '{name}' of {chain.name} at tick {tick}, t = {time!r} s: {_WHY[outcome]}; "
+                           'the last good state is kept', joint=name, time=time, tick=tick, position=position,
+                           velocity=velocity)
+
+
 class Simulation:
     """
     A chain that moves tick by tick: tick k is at k * step, the effort is constant within a tick.
@@ -164,11 +173,7 @@ class Simulation:
             raise self._error(*why)
 
     def _error(self, outcome: int, joint: int) -> SimulationError:
-        name = self.chain.joint_names[joint]
-        return SimulationError(
-            f"joint '{name}' of {self.chain.name} at tick {self.tick}, t = {self.time!r} s: {_WHY[outcome]}; "
-            'the last good state is kept', joint=name, time=self.time, tick=self.tick,
-            position=self.position, velocity=self.velocity)
+        return stop_error(self.chain, self.tick, self.time, outcome, joint, self.position, self.velocity)
 
     def _checked(self, ticks, effort, record) -> tuple:
         """Return the arguments of advance as the kernel takes them; ValueError."""

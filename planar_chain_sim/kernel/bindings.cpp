@@ -19,6 +19,7 @@
 #include "jacobian.hpp"
 #include "joint_forces.hpp"
 #include "recursive.hpp"
+#include "roll_batch.hpp"
 #include "rollout.hpp"
 #include "rosenbrock.hpp"
 #include "runge_kutta.hpp"
@@ -44,7 +45,7 @@ class Model {
  public:
   Model(const Ints& topology, const Array& constants, std::tuple<double, double> gravity, int joint_count) {
     const auto t = topology.unchecked<2>();   // carrier slot, slide joint, rotation joint
-    const auto c = constants.unchecked<2>();  // the columns in the order they are read below
+    const auto c = constants.unchecked<2>();  // in the order of Link::numbers
     chain_.joint_count = joint_count;
     chain_.gravity_x = std::get<0>(gravity);
     chain_.gravity_y = std::get<1>(gravity);
@@ -52,13 +53,10 @@ class Model {
     for (py::ssize_t i = 0; i < t.shape(0); ++i) {
       pc::Link& link = chain_.links[static_cast<std::size_t>(i) + 1];
       link.carrier = t(i, 0), link.slide = t(i, 1), link.rotation = t(i, 2);
-      double* const fields[] = {&link.sign, &link.mass, &link.outboard_mass, &link.moment_x, &link.moment_y,
-                                &link.inertia, &link.offset_x, &link.offset_y, &link.axis_x, &link.axis_y,
-                                &link.rotor, &link.slide_armature};
       py::ssize_t column = 0;
-      for (double* field : fields) *field = c(i, column++);
+      for (double pc::Link::* number : pc::Link::numbers) link.*number = c(i, column++);
     }
-    chain_.find_branches();
+    chain_.find_features();
     recursion_.emplace(chain_);
     chain_.refined = pc::largest_correction(chain_) > pc::most_correction;
     recursive_ = pc::make_form<double>(chain_, false);
@@ -93,6 +91,25 @@ class Model {
       sum += acceleration[0];
     }
     return sum;
+  }
+
+  // Accelerations (states, joints), computed `repeats` times over in the lanes of the widest vectors, by one thread.
+  Array evaluate_batch(const Array& position, const Array& velocity, const Array& effort, std::int64_t repeats,
+                       bool dense) {
+    Array acceleration({position.shape(0), position.shape(1)});
+    double* out = acceleration.mutable_data();
+    py::gil_scoped_release release;
+    pc::with_width(pc::vector_widths().back(), [&](auto width) {
+      pc::StatesInLanes<typename decltype(width)::Real> states(
+          {&chain_, &forces, dense}, position.data(), velocity.data(), effort.data(), out, position.shape(0), repeats);
+      if (states.possible()) return decltype(width)::Vectors::run(states);
+      for (py::ssize_t i = 0; i < position.size(); i += chain_.joint_count) {  // a form that is not made for lanes
+        std::copy_n(effort.data() + i, chain_.joint_count, effort_.begin());
+        forces.add_passive(position.data() + i, velocity.data() + i, effort_.data());
+        form(dense).forward(position.data() + i, velocity.data() + i, effort_.data(), out + i);
+      }
+    });
+    return acceleration;
   }
 
   Array inverse_dynamics(const Array& position, const Array& velocity, const Array& acceleration) {
@@ -313,6 +330,45 @@ class Stepper {
   std::unique_ptr<pc::Integrator> integrator_;
 };
 
+// Runs scenes of one model, or of a model each, with whether its form is dense and its method, which is one for all but
+// for adaptive ones, from states (scenes, joints) under efforts (1 or scenes, 1 or ticks, joints). Returns positions, velocities (scenes, ticks + 1, joints) and efforts
+// (scenes, ticks, joints), or, if not `every_tick`, with 1 and no rows; then ticks done, outcome, joint of each scene.
+py::tuple roll_batch(const std::vector<std::tuple<Model*, bool, MethodData*>>& models, double step, std::int64_t ticks,
+                     const Array& position, const Array& velocity, const Array& effort,
+                     bool every_tick, int threads, int width) {
+  pc::Batch batch;
+  for (const auto& [model, dense, method] : models) batch.scenes.push_back({&model->chain(), &model->forces, dense});
+  batch.count = position.shape(0), batch.joints = static_cast<int>(position.shape(1));
+  batch.ticks = ticks, batch.step = step;
+  batch.position = position.data(), batch.velocity = velocity.data(), batch.effort = effort.data();
+  if (effort.shape(1) > 1) batch.effort_tick_stride = static_cast<std::size_t>(batch.joints);
+  if (effort.shape(0) > 1) batch.effort_scene_stride = static_cast<std::size_t>(effort.shape(1) * effort.shape(2));
+  const MethodData& first = *std::get<MethodData*>(models.front());
+  if (first.family == "explicit Runge-Kutta" && !first.adaptive)
+    batch.method = pc::LaneMethod::runge_kutta, batch.tableau = first.tableau;
+  if (first.family == "semi-implicit") batch.method = pc::LaneMethod::semi_implicit_euler;
+  batch.single_run = [&](std::size_t i) {
+    const pc::Scene& scene = batch.scenes[i];
+    const MethodData& method = *std::get<MethodData*>(models[i]);
+    pc::SingleRun run{pc::make_form<double>(*scene.chain, scene.dense), nullptr};
+    run.integrator = make_integrator(method, *scene.chain, *run.form, *scene.forces, step, scene.dense);
+    return run;
+  };
+
+  const py::ssize_t n = position.shape(0), m = position.shape(1), rows = every_tick ? ticks : 0;
+  Array reached({n, rows + 1, m}), rate({n, rows + 1, m}), acted({n, rows, m});
+  py::array_t<std::int64_t> done(n);
+  Ints outcome(n), joint(n);
+  batch.position_reached = reached.mutable_data(), batch.velocity_reached = rate.mutable_data();
+  if (every_tick) batch.effort_taken = acted.mutable_data();
+  batch.ticks_done = done.mutable_data(), batch.outcome = outcome.mutable_data(), batch.joint = joint.mutable_data();
+  {
+    py::gil_scoped_release release;
+    pc::roll_batch(batch, threads, width > 0 ? width : pc::vector_widths().back());
+  }
+  return py::make_tuple(reached, rate, acted, done, outcome, joint);
+}
+
 }  // namespace
 
 PYBIND11_MODULE(_kernel, module) {
@@ -346,6 +402,8 @@ PYBIND11_MODULE(_kernel, module) {
       .def("evaluate_repeatedly", &Model::evaluate_repeatedly, py::arg("position"), py::arg("velocity"),
            py::arg("effort"), py::arg("count"), py::arg("dense") = false)
       .def_property_readonly("refined", [](const Model& m) { return m.chain().refined; })
+      .def("evaluate_batch", &Model::evaluate_batch, py::arg("position"), py::arg("velocity"), py::arg("effort"),
+           py::arg("repeats"), py::arg("dense") = false)
       .def("inverse_dynamics", &Model::inverse_dynamics)
       .def("mass_matrix", &Model::mass_matrix)
       .def("derivatives", &Model::derivatives)
@@ -372,4 +430,7 @@ PYBIND11_MODULE(_kernel, module) {
       .def_property_readonly("velocity", &Stepper::velocity)
       .def_property_readonly("effort", &Stepper::effort)
       .def_property_readonly("counts", &Stepper::counts);
+
+  module.def("roll_batch", &roll_batch);
+  module.def("vector_widths", &pc::vector_widths);
 }

@@ -17,9 +17,10 @@ namespace planar_chain {
 template <class Real>
 class DenseOf final : public WideForm<DenseOf<Real>, Real> {
   using Vec = VecOf<Real>;
+  using Link = LinkOf<Real>;
 
  public:
-  explicit DenseOf(const Chain& chain)
+  explicit DenseOf(const ChainOf<Real>& chain)
       : chain_(chain), count_(chain.joint_count), angle_of_(chain.links.size(), -1), state_(chain.links.size()),
         matrix_(std::size_t(count_) * count_), unknown_(count_), inverse_(count_) {
     for (int i = 1; i <= chain.link_count(); ++i)
@@ -113,7 +114,7 @@ class DenseOf final : public WideForm<DenseOf<Real>, Real> {
       const int own = angle_of_[j], carrier = angle_of_[link.carrier];
       if (own >= 0) entry(own, own) += link.inertia;
       if (carrier >= 0) entry(carrier, carrier) += link.outboard_mass * dot(s.lever, s.lever);
-      if (link.rotor > 0.0) {  // S I_a S^T, equations.md 6.3
+      if (link.has_rotor) {  // S I_a S^T, equations.md 6.3
         entry(own, own) += link.rotor;
         if (carrier >= 0) entry(carrier, carrier) += link.rotor, entry(own, carrier) -= link.rotor;
       }
@@ -152,7 +153,7 @@ class DenseOf final : public WideForm<DenseOf<Real>, Real> {
       Real passed = link.rotation < 0 ? s.scale : Real(0.0);  // of a group or through a rotor
       if (link.rotation >= 0) {
         if (eliminate(link.rotation, s.scale + link.rotor)) return link.rotation;
-        if (link.rotor > 0.0) passed = link.rotor * inverse_[link.rotation] * s.scale;
+        if (link.has_rotor) passed = link.rotor * inverse_[link.rotation] * s.scale;
       }
       if (link.slide >= 0 && eliminate(link.slide, Real(link.outboard_mass + link.slide_armature))) return link.slide;
       state_[link.carrier].scale += link.outboard_mass * dot(s.lever, s.lever) + passed;
@@ -191,7 +192,7 @@ class DenseOf final : public WideForm<DenseOf<Real>, Real> {
     }
   }
 
-  const Chain& chain_;
+  const ChainOf<Real>& chain_;
   const int count_;
   std::vector<int> angle_of_;  // joint whose angle a link turns with, -1: none, it stands
   std::vector<LinkState> state_;

@@ -14,10 +14,10 @@ namespace planar_chain {
 template <int N, class Real>
 class UnrolledDenseOf final : public WideForm<UnrolledDenseOf<N, Real>, Real> {
  public:
-  explicit UnrolledDenseOf(const Chain& chain) : gravity_x_(chain.gravity_x), gravity_y_(chain.gravity_y) {
+  explicit UnrolledDenseOf(const ChainOf<Real>& chain) : gravity_x_(chain.gravity_x), gravity_y_(chain.gravity_y) {
     for (int i = 0; i < N; ++i) {
-      const Link& link = chain.links[i + 1];
-      const Link next = i + 1 < N ? chain.links[i + 2] : Link();
+      const LinkOf<Real>& link = chain.links[i + 1];
+      const LinkOf<Real> next = i + 1 < N ? chain.links[i + 2] : LinkOf<Real>();
       sign_[i] = link.sign;
       offset_x_[i] = next.offset_x, offset_y_[i] = next.offset_y;
       moment_x_[i] = link.moment_x + next.outboard_mass * next.offset_x;
@@ -119,9 +119,9 @@ class UnrolledDenseOf final : public WideForm<UnrolledDenseOf<N, Real>, Real> {
     return -1;
   }
 
-  const double gravity_x_, gravity_y_;
-  double sign_[W] = {}, inertia_[W] = {}, least_[W] = {};
-  double offset_x_[W] = {}, offset_y_[W] = {}, moment_x_[W] = {}, moment_y_[W] = {};
+  const Real gravity_x_, gravity_y_;
+  Real sign_[W] = {}, inertia_[W] = {}, least_[W] = {};
+  Real offset_x_[W] = {}, offset_y_[W] = {}, moment_x_[W] = {}, moment_y_[W] = {};
 };
 
 }  // namespace planar_chain

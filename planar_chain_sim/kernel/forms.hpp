@@ -11,20 +11,26 @@
 
 namespace planar_chain {
 
-constexpr int most_unrolled = 8;  // links; beyond, the recursion is faster than any dense form
+// Links; beyond, the recursion is faster than any dense form. In lanes as far as `auto` goes: it takes long to build.
+template <class Real>
+constexpr int most_unrolled = lanes_in<Real> > 1 ? 6 : 8;
 
-template <class Real, int N = most_unrolled>
-std::unique_ptr<FormOf<Real>> make_unrolled(const Chain& chain) {
+template <class Real, int N = most_unrolled<Real>>
+std::unique_ptr<FormOf<Real>> make_unrolled(const ChainOf<Real>& chain) {
   if constexpr (N > 1)
     if (chain.link_count() < N) return make_unrolled<Real, N - 1>(chain);
   return std::make_unique<UnrolledDenseOf<N, Real>>(chain);
 }
 
+// Null for a dense form that is not made for lanes.
 template <class Real>
-std::unique_ptr<FormOf<Real>> make_form(const Chain& chain, bool dense) {
+std::unique_ptr<FormOf<Real>> make_form(const ChainOf<Real>& chain, bool dense) {
   const bool serial = SerialRecursionOf<Real>::holds_for(chain);
-  if (dense && serial && chain.link_count() <= most_unrolled) return make_unrolled<Real>(chain);
-  if (dense) return std::make_unique<DenseOf<Real>>(chain);
+  if (dense && serial && chain.link_count() <= most_unrolled<Real>) return make_unrolled<Real>(chain);
+  if constexpr (lanes_in<Real> == 1) {
+    if (dense) return std::make_unique<DenseOf<Real>>(chain);
+  }
+  if (dense) return nullptr;
   if (chain.refined) return std::make_unique<RefinedRecursionOf<Real>>(chain);
   if (serial) return std::make_unique<SerialRecursionOf<Real>>(chain);
   return std::make_unique<RecursionOf<Real>>(chain);

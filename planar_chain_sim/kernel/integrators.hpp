@@ -20,11 +20,11 @@ struct JointState {
 };
 
 // Two-sum (Knuth, TAOCP 2, 4.2.2): what rounding loses goes into the remainder, so that error grows with steps^(1/2).
-inline void add_compensated(double value, double remainder, double increment, double& sum, double& lost) {
-  const double term = increment + remainder;
-  sum = value + term;
-  const double back = sum - value;
-  lost = (value - (sum - back)) + (term - back);
+template <class Real>
+inline void add_compensated(const Real& value, const Real& remainder, const Real& increment, Real& sum, Real& lost) {
+  const Real term = increment + remainder, whole = value + term, back = whole - value;
+  lost = (value - (whole - back)) + (term - back);
+  sum = whole;
 }
 
 enum class Outcome { good, singular, not_finite, beyond_stop, stalled, too_long };

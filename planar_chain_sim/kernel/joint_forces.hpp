@@ -8,21 +8,51 @@
 
 namespace planar_chain {
 
-struct DampedJoint { int joint; double damping; };
-struct SpringJoint { int joint; double stiffness, rest; };
-struct FrictionJoint { int joint; double friction; };
-struct LimitedJoint { int joint; double limit; };
-struct StoppedJoint { int joint; double lower, upper; };
+// `numbers`: what may differ between chains of one make-up.
+template <class Real>
+struct DamperOf {
+  int joint;
+  Real damping;
+  static constexpr Real DamperOf::* numbers[] = {&DamperOf::damping};
+};
 
-struct JointForces {
-  std::vector<DampedJoint> dampers;
-  std::vector<SpringJoint> springs;
-  std::vector<FrictionJoint> frictions;
-  std::vector<LimitedJoint> limits;
-  std::vector<StoppedJoint> stops;
+template <class Real>
+struct SpringOf {
+  int joint;
+  Real stiffness, rest;
+  static constexpr Real SpringOf::* numbers[] = {&SpringOf::stiffness, &SpringOf::rest};
+};
+
+template <class Real>
+struct FrictionOf {
+  int joint;
+  Real friction;
+  static constexpr Real FrictionOf::* numbers[] = {&FrictionOf::friction};
+};
+
+template <class Real>
+struct LimitOf {
+  int joint;
+  Real limit;
+  static constexpr Real LimitOf::* numbers[] = {&LimitOf::limit};
+};
+
+template <class Real>
+struct StopOf {
+  int joint;
+  Real lower, upper;
+  static constexpr Real StopOf::* numbers[] = {&StopOf::lower, &StopOf::upper};
+};
+
+template <class Real>
+struct JointForcesOf {
+  std::vector<DamperOf<Real>> dampers;
+  std::vector<SpringOf<Real>> springs;
+  std::vector<FrictionOf<Real>> frictions;
+  std::vector<LimitOf<Real>> limits;
+  std::vector<StopOf<Real>> stops;
 
   // tau += -d theta' - k (theta - theta_0) - tau_c sgn(theta')   (equations.md 4)
-  template <class Real>
   void add_passive(const Real* position, const Real* velocity, Real* effort) const {
     for (const auto& law : dampers) effort[law.joint] -= law.damping * velocity[law.joint];
     for (const auto& law : springs) effort[law.joint] -= law.stiffness * (position[law.joint] - law.rest);
@@ -33,7 +63,6 @@ struct JointForces {
   }
 
   // The actuator gives at most its limit, to either side.
-  template <class Real>
   void clamp(Real* effort) const {
     for (const auto& law : limits) {
       Real& u = effort[law.joint];
@@ -43,21 +72,35 @@ struct JointForces {
     }
   }
 
-  double spring_energy(const double* position) const {
-    double energy = 0.0;
+  Real spring_energy(const Real* position) const {
+    Real energy = 0.0;
     for (const auto& law : springs) {
-      const double stretch = position[law.joint] - law.rest;
+      const Real stretch = position[law.joint] - law.rest;
       energy += 0.5 * law.stiffness * stretch * stretch;
     }
     return energy;
   }
 
   // First joint beyond one of its stops, -1 if none.
-  int beyond_stop(const double* position) const {
+  int beyond_stop(const Real* position) const {
     for (const auto& law : stops)
-      if (position[law.joint] < law.lower || position[law.joint] > law.upper) return law.joint;
+      if (any(is_beyond(law, position))) return law.joint;
     return -1;
   }
+
+  // Which scenes have a joint beyond one of its stops.
+  Truth<Real> are_beyond_stop(const Real* position) const {
+    Truth<Real> beyond = 0;
+    for (const auto& law : stops) beyond = beyond | is_beyond(law, position);
+    return beyond;
+  }
+
+ private:
+  static Truth<Real> is_beyond(const StopOf<Real>& law, const Real* position) {
+    return (position[law.joint] < law.lower) | (position[law.joint] > law.upper);
+  }
 };
+
+using JointForces = JointForcesOf<double>;
 
 }  // namespace planar_chain

@@ -27,7 +27,7 @@ inline Real dot(const VecOf<Real>& a, const VecOf<Real>& b) { return a.x * b.x +
 template <class Real>
 inline VecOf<Real> perp(const VecOf<Real>& a) { return {-a.y, a.x}; }
 template <class Real>
-inline VecOf<Real> rotate(double x, double y, const Real& cosine, const Real& sine) {
+inline VecOf<Real> rotate(const Real& x, const Real& y, const Real& cosine, const Real& sine) {
   return {x * cosine - y * sine, x * sine + y * cosine};
 }
 
@@ -90,20 +90,26 @@ class RecursionOf final : public FormOf<Real> {
   using Sym = SymOf<Real>;
   using Outboard = OutboardOf<Real>;
   using LinkState = LinkStateOf<Real>;
+  using Link = LinkOf<Real>;
 
  public:
-  explicit RecursionOf(const Chain& chain)
+  explicit RecursionOf(const ChainOf<Real>& chain)
       : chain_(chain), state_(chain.links.size()), angle_((chain.links.size() / sine_block + 1) * sine_block),
         sine_(angle_.size()), cosine_(angle_.size(), 1.0) {}
 
   int forward(const Real* position, const Real* velocity, const Real* effort, Real* acceleration) override {
+    if constexpr (lanes_in<Real> > 1) return evaluate_in_lanes(*this, position, velocity, effort, acceleration);
+    return evaluate(position, velocity, effort, acceleration);
+  }
+
+  int evaluate(const Real* position, const Real* velocity, const Real* effort, Real* acceleration) {
     return forward(position, nullptr, velocity, effort, acceleration);
   }
 
   // The same at position + remainder: angles that are known beyond double precision keep what they have.
   int forward(const Real* position, const Real* remainder, const Real* velocity, const Real* effort,
               Real* acceleration) {
-    if constexpr (lanes_in<Real> > 1) good_ = -1;
+    if constexpr (lanes_in<Real> > 1) this->good_ = -1;
     turn(position, velocity, remainder);
     const int singular = eliminate(position, velocity, effort);
     if (singular >= 0) return singular;
@@ -111,9 +117,6 @@ class RecursionOf final : public FormOf<Real> {
     substitute(acceleration);
     return -1;
   }
-
-  // After forward() of several scenes: which of them have all their pivots. The numbers of the others mean nothing.
-  const Truth<Real>& good() const { return good_; }
 
   // After forward(), with its factors: what the joint efforts `effort` alone add to the accelerations, H x = effort.
   void respond(const Real* effort, Real* acceleration) {
@@ -126,7 +129,7 @@ class RecursionOf final : public FormOf<Real> {
         bias = bias + s.branches.bias, torque += s.branches.torque;
         s.branches = Outboard{};
       }
-      const bool three = link.rotation < 0 || link.rotor > 0.0;
+      const bool three = link.rotation < 0 || link.has_rotor;
       Real reaction = 0.0;
       if (link.rotation >= 0) {
         reaction = link.sign * effort[link.rotation];
@@ -154,7 +157,7 @@ class RecursionOf final : public FormOf<Real> {
     substitute(acceleration, false);
   }
 
-  const Chain& chain() const { return chain_; }
+  const ChainOf<Real>& chain() const { return chain_; }
   Real cosine(int link) const { return cosine_[link]; }
   Real sine(int link) const { return sine_[link]; }
   Real rate(int link) const { return state_[link].rate; }
@@ -176,13 +179,6 @@ class RecursionOf final : public FormOf<Real> {
 
  private:
   Vec against_gravity() const { return {-chain_.gravity_x, -chain_.gravity_y}; }
-
-  // A single scene ends where a pivot is none; of several the others go on.
-  bool stops_at(const Truth<Real>& pivot_is_one) {
-    if constexpr (lanes_in<Real> == 1) return !pivot_is_one;
-    good_ = good_ & pivot_is_one;
-    return false;
-  }
 
   // Absolute angles and rates by prefix sums, phi = P^T theta, and the unit vectors e^(j phi).
   void turn(const Real* position, const Real* velocity, const Real* remainder = nullptr) {
@@ -271,11 +267,11 @@ class RecursionOf final : public FormOf<Real> {
     Real inertia = link.inertia + sum.inertia, torque = sum.torque, scale = link.inertia + sum.scale;
     Real reaction = 0.0;  // what the joint's own effort does to the carrier
     // Three components (h, I, t) go on to a carrier whose angle is the link's own or which a rotor couples to it.
-    const bool three = link.rotation < 0 || link.rotor > 0.0;
+    const bool three = link.rotation < 0 || link.has_rotor;
 
     if (link.rotation >= 0) {  // (1) own angle
       const Real pivot = inertia + link.rotor;
-      if (stops_at(pivot > singular_pivot * (scale + link.rotor))) return link.rotation;
+      if (this->stops_at(pivot > singular_pivot * (scale + link.rotor))) return link.rotation;
       reaction = link.sign * effort[link.rotation];
       torque += reaction;  // Q_phi = S tau
       s.turn_row = h;
@@ -294,8 +290,8 @@ class RecursionOf final : public FormOf<Real> {
     if (link.slide >= 0) {  // (2) slide
       const Vec y = a * s.slide_axis;
       const Real pivot = dot(s.slide_axis, y) + link.slide_armature;
-      const double least = singular_pivot * (link.outboard_mass + link.slide_armature);
-      if (stops_at(pivot > least)) return link.slide;
+      const Real least = singular_pivot * (link.outboard_mass + link.slide_armature);
+      if (this->stops_at(pivot > least)) return link.slide;
       const Real inverse = 1.0 / pivot;
       const Real nu = effort[link.slide] - dot(s.slide_axis, b);
       s.slide_inverse = inverse;
@@ -384,11 +380,10 @@ class RecursionOf final : public FormOf<Real> {
 
   static constexpr int few_angles = 3;  // up to here one by one is faster than a block; the bits are the same
 
-  const Chain& chain_;
+  const ChainOf<Real>& chain_;
   std::vector<LinkState> state_;
   std::vector<Real> angle_, sine_, cosine_;  // phi_i, e^(j phi_i); slot 0 is the base, the last block is padded
   std::vector<Real> low_;                    // what phi_i is beyond double precision, where that is known
-  Truth<Real> good_{};                       // lanes alone
 };
 
 using Recursion = RecursionOf<double>;

@@ -11,30 +11,31 @@
 namespace planar_chain {
 
 // Scale of the pivot of a link that carries `next` by a plain rotation: J_i + M_w |R_w|^2 (equations.md 7).
-inline double pivot_scale(const Link& link, const Link& next) {
+template <class Real>
+inline Real pivot_scale(const LinkOf<Real>& link, const LinkOf<Real>& next) {
   return link.inertia + next.outboard_mass * (next.offset_x * next.offset_x + next.offset_y * next.offset_y);
 }
 
 template <class Real>
 class SerialRecursionOf final : public WideForm<SerialRecursionOf<Real>, Real> {
  public:
-  static bool holds_for(const Chain& chain) {
+  static bool holds_for(const ChainOf<Real>& chain) {
     for (int i = 1; i <= chain.link_count(); ++i) {
-      const Link& link = chain.links[i];
-      if (link.carrier != i - 1 || link.rotation < 0 || link.slide >= 0 || link.rotor > 0.0) return false;
+      const LinkOf<Real>& link = chain.links[i];
+      if (link.carrier != i - 1 || link.rotation < 0 || link.slide >= 0 || link.has_rotor) return false;
     }
     return true;
   }
 
-  explicit SerialRecursionOf(const Chain& chain)
+  explicit SerialRecursionOf(const ChainOf<Real>& chain)
       : count_(chain.link_count()), padded_(lanes_in<Real> > 1 ? count_ : (count_ + 3) / 4 * 4),
         stride_((padded_ + 7) / 8 / 2 * 16 + 8), gravity_x_(chain.gravity_x), gravity_y_(chain.gravity_y),
         constants_(std::size_t(stride_) * constant_rows),
         state_(std::size_t(stride_) * state_rows, Real(0.0)) {
     for (int i = 0; i < count_; ++i) {
-      const Link& link = chain.links[i + 1];
-      const Link next = i + 1 < count_ ? chain.links[i + 2] : Link();
-      const double row[] = {link.sign, link.mass, link.inertia, singular_pivot * pivot_scale(link, next), link.moment_x,
+      const LinkOf<Real>& link = chain.links[i + 1];
+      const LinkOf<Real> next = i + 1 < count_ ? chain.links[i + 2] : LinkOf<Real>();
+      const Real row[] = {link.sign, link.mass, link.inertia, singular_pivot * pivot_scale(link, next), link.moment_x,
                             link.moment_y, next.offset_x, next.offset_y};
       for (int k = 0; k < constant_rows; ++k) constants_[std::size_t(k) * stride_ + i] = row[k];
     }
@@ -56,13 +57,13 @@ class SerialRecursionOf final : public WideForm<SerialRecursionOf<Real>, Real> {
     lever_x, lever_y, carried_x, carried_y,            // s and k of the next link
     row_x, row_y, known, state_rows                    // kept for the way back: g = h / I, t / I
   };
-  const double* row(Constant kind) const { return &constants_[std::size_t(kind) * stride_]; }
+  const Real* row(Constant kind) const { return &constants_[std::size_t(kind) * stride_]; }
   Real* row(State kind) { return &state_[std::size_t(kind) * stride_]; }
 
   // Angles and rates by prefix sums, phi = P^T theta.
   void turn(const Real* position, const Real* velocity) {
     Real phi = 0.0, rate = 0.0, *const angles = row(angle), *const turnings = row(turning);
-    const double* const signs = row(sign);
+    const Real* const signs = row(sign);
     for (int i = 0; i < count_; ++i) {
       phi += signs[i] * position[i], rate += signs[i] * velocity[i];
       angles[i] = phi, turnings[i] = -rate * rate;
@@ -72,7 +73,7 @@ class SerialRecursionOf final : public WideForm<SerialRecursionOf<Real>, Real> {
   // First moments and levers in world axes, and what depends on them alone.
   void place() {
     sine_cosine_each(row(angle), row(sine), row(cosine), padded_);
-    const double *const mx = row(moment_x), *const my = row(moment_y), *const ox = row(offset_x),
+    const Real *const mx = row(moment_x), *const my = row(moment_y), *const ox = row(offset_x),
                  *const oy = row(offset_y);
     const Real *const s = row(sine), *const c = row(cosine), *const w = row(turning);
     Real *const hx = row(coupling_x), *const hy = row(coupling_y), *const qx = row(bias_x), *const qy = row(bias_y),
@@ -89,7 +90,7 @@ class SerialRecursionOf final : public WideForm<SerialRecursionOf<Real>, Real> {
   // Leaf to root, (1) and (3) of equations.md 6.2. With B, h, I of link i, and s of its lever on the carrier:
   // A = B - h g^T, h_p = A s = B s - h (g.s), I_p = J_p + s.A s = (J_p + s.B s) - (s.h) (g.s).
   int eliminate(const Real* effort) {
-    const double *const m = row(mass), *const own = row(inertia), *const limit = row(least), *const signs = row(sign);
+    const Real *const m = row(mass), *const own = row(inertia), *const limit = row(least), *const signs = row(sign);
     const Real *const ownx = row(coupling_x), *const owny = row(coupling_y), *const qx = row(bias_x),
                *const qy = row(bias_y), *const leverx = row(lever_x), *const levery = row(lever_y),
                *const carriedx = row(carried_x), *const carriedy = row(carried_y);
@@ -118,7 +119,7 @@ class SerialRecursionOf final : public WideForm<SerialRecursionOf<Real>, Real> {
 
   // Root to leaf: phi_i'' = t / I - g.a_i and a_(i+1) = a_i + k + phi_i'' s, the latter without waiting for phi_i''.
   void substitute(Real* acceleration) {
-    const double* const signs = row(sign);
+    const Real* const signs = row(sign);
     const Real *const leverx = row(lever_x), *const levery = row(lever_y), *const carriedx = row(carried_x),
                *const carriedy = row(carried_y), *const gxs = row(row_x), *const gys = row(row_y),
                *const knowns = row(known);
@@ -134,8 +135,8 @@ class SerialRecursionOf final : public WideForm<SerialRecursionOf<Real>, Real> {
 
   const int count_, padded_;  // links; the same rounded up to whole vectors
   const int stride_;          // an odd number of cache lines, so that the rows of a long chain do not collide
-  const double gravity_x_, gravity_y_;
-  std::vector<double> constants_;
+  const Real gravity_x_, gravity_y_;
+  std::vector<Real> constants_;
   std::vector<Real> state_;
 };
 

@@ -12,11 +12,17 @@ namespace planar_chain {
 template <class Real>
 class RefinedRecursionOf final : public FormOf<Real> {
  public:
-  explicit RefinedRecursionOf(const Chain& chain)
+  explicit RefinedRecursionOf(const ChainOf<Real>& chain)
       : recursion_(chain), residual_(chain.joint_count), correction_(chain.joint_count) {}
 
   int forward(const Real* position, const Real* velocity, const Real* effort, Real* acceleration) override {
-    const int singular = recursion_.forward(position, velocity, effort, acceleration);
+    if constexpr (lanes_in<Real> > 1) return evaluate_in_lanes(*this, position, velocity, effort, acceleration);
+    return evaluate(position, velocity, effort, acceleration);
+  }
+
+  int evaluate(const Real* position, const Real* velocity, const Real* effort, Real* acceleration) {
+    const int singular = recursion_.evaluate(position, velocity, effort, acceleration);
+    this->good_ = recursion_.good();
     if (singular >= 0) return singular;
     recursion_.inverse(position, velocity, acceleration, true, residual_.data());
     for (std::size_t i = 0; i < residual_.size(); ++i) residual_[i] = effort[i] - residual_[i];
@@ -25,7 +31,6 @@ class RefinedRecursionOf final : public FormOf<Real> {
     return -1;
   }
 
-  const Truth<Real>& good() const { return recursion_.good(); }
   const std::vector<Real>& correction() const { return correction_; }
 
  private:

@@ -15,25 +15,15 @@
 
 namespace planar_chain {
 
-// A form whose body is `evaluate` of `Body`, and its guard of pivots.
+// A form whose body is `evaluate` of `Body`.
 template <class Body, class Real>
 class WideForm : public FormOf<Real> {
  public:
   int forward(const Real* position, const Real* velocity, const Real* effort, Real* acceleration) final {
-    good_ = Real(0.0) < Real(1.0);
-    if (lanes_in<Real> == 1 && wide_) return forward_wide(position, velocity, effort, acceleration);
+    this->good_ = Real(0.0) < Real(1.0);
+    if constexpr (lanes_in<Real> > 1) return evaluate_in_lanes(body(), position, velocity, effort, acceleration);
+    if (wide_) return forward_wide(position, velocity, effort, acceleration);
     return body().evaluate(position, velocity, effort, acceleration);
-  }
-
-  // After forward() of several scenes: which of them have all their pivots. The numbers of the others mean nothing.
-  const Truth<Real>& good() const { return good_; }
-
- protected:
-  // A single scene ends where a pivot is none; of several the others go on.
-  bool stops_at(const Truth<Real>& pivot_is_one) {
-    if constexpr (lanes_in<Real> == 1) return !pivot_is_one;
-    good_ = good_ & pivot_is_one;
-    return false;
   }
 
  private:
@@ -43,7 +33,6 @@ class WideForm : public FormOf<Real> {
   }
   Body& body() { return static_cast<Body&>(*this); }
 
-  Truth<Real> good_{};
   const bool wide_ = PLANAR_CHAIN_HAS_WIDE;
 };
 

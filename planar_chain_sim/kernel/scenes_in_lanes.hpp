@@ -1,0 +1,281 @@
+// Scenes that run side by side in the lanes of vectors: a block of a batch, and evaluations alone for timing.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "batch.hpp"
+#include "forms.hpp"
+#include "side_by_side.hpp"
+
+namespace planar_chain {
+
+// Runs a block of scenes, as many as Real has lanes. One to whom something happens leaves, and is run on alone.
+template <class Real>
+class ScenesInLanes {
+  static constexpr int lanes = lanes_in<Real>;
+  using Row = std::vector<Real>;
+
+ public:
+  explicit ScenesInLanes(const Batch& batch)
+      : batch_(batch), joints_(static_cast<std::size_t>(batch.joints)), alone_(batch), state_(joints_), next_(joints_),
+        step_(batch.step), actuator_(joints_), effort_(joints_), stage_(joints_),
+        rates_(joints_ * std::max<std::size_t>(1, batch.tableau.stages)), accelerations_(rates_.size()) {
+    for (const Weights& row : rows_of(batch.tableau.a, std::max(1, batch.tableau.stages))) a_.push_back(terms(row));
+    if (batch.tableau.stages > 0) b_ = terms(Weights(batch.tableau.b, batch.tableau.stages, 0));
+  }
+
+  // Sets up block `block`; false if its scenes cannot share lanes and have been run one by one.
+  bool prepare(std::int64_t block) {
+    first_ = block * lanes;
+    here_.resize(static_cast<std::size_t>(std::min<std::int64_t>(lanes, batch_.count - first_)));
+    for (std::size_t k = 0; k < here_.size(); ++k) here_[k] = static_cast<int>(k);
+    if (batch_.scenes.size() > 1 || !form_) {
+      for (int i : here_)
+        if (!same_make(batch_.scene(first_), batch_.scene(first_ + i))) return run_one_by_one();
+      for (int i = 0; i < lanes; ++i) constants_.set(i, batch_.scene(scene_of(i)));
+      form_ = make_form<Real>(constants_.chain, batch_.scene(first_).dense);
+    }
+    if (!form_) return run_one_by_one();
+    state_ = State(joints_);
+    for (int i = 0; i < lanes; ++i)
+      for (std::size_t j = 0; j < joints_; ++j) {
+        set_lane(state_.position[j], i, batch_.position[static_cast<std::size_t>(scene_of(i)) * joints_ + j]);
+        set_lane(state_.velocity[j], i, batch_.velocity[static_cast<std::size_t>(scene_of(i)) * joints_ + j]);
+      }
+    return true;
+  }
+
+  void run() {
+    const bool all = batch_.effort_taken != nullptr;
+    if (all) keep_states(0);
+    for (std::int64_t tick = 0; tick < batch_.ticks && !here_.empty(); ++tick) {
+      if (tick == 0 || batch_.effort_tick_stride != 0) latch(tick);
+      const Truth<Real> stopped = step();
+      if (any(stopped)) dismiss(stopped, tick);
+      std::swap(state_, next_);
+      if (!all) continue;
+      keep_states(tick + 1);
+      for (int i : here_) keep(actuator_, i, batch_.effort_taken + batch_.effort_row(first_ + i, tick));
+    }
+    if (!all) keep_states(batch_.ticks);
+    for (int i : here_) batch_.report(first_ + i, {batch_.ticks, Outcome::good, -1});
+  }
+
+ private:
+  struct State {
+    Row position, velocity, position_remainder, velocity_remainder;
+    explicit State(std::size_t joints)
+        : position(joints), velocity(joints), position_remainder(joints), velocity_remainder(joints) {}
+  };
+
+  // Lanes to spare repeat the last scene.
+  std::int64_t scene_of(int lane) const { return std::min(first_ + lane, batch_.count - 1); }
+
+  bool run_one_by_one() {
+    for (int i : here_) alone_.run(first_ + i);
+    return false;
+  }
+
+  void latch(std::int64_t tick) {
+    for (int i = 0; i < lanes; ++i) {
+      const double* effort = batch_.effort_of(scene_of(i), tick);
+      for (std::size_t j = 0; j < joints_; ++j) set_lane(actuator_[j], i, effort[j]);
+    }
+    constants_.forces.clamp(actuator_.data());
+  }
+
+  // weight k_l, of which a stage and the step are sums.
+  struct Term {
+    std::size_t row;
+    Real weight;
+  };
+
+  std::vector<Term> terms(const Weights& weights) const {
+    std::vector<Term> terms;
+    for (std::size_t l = 0; l < weights.stage.size(); ++l)
+      terms.push_back({static_cast<std::size_t>(weights.stage[l]) * joints_, weights.weight[l]});
+    return terms;
+  }
+
+  // Of joint j, in the order of the stages.
+  static Real sum(const std::vector<Term>& terms, const Row& k, std::size_t j) {
+    Real sum = 0.0;
+    for (const Term& term : terms) sum += term.weight * k[term.row + j];
+    return sum;
+  }
+
+  // From state_ to next_; tells which scenes may not go there.
+  Truth<Real> step() {
+    const Truth<Real> singular =
+        batch_.method == LaneMethod::semi_implicit_euler ? semi_implicit_euler() : runge_kutta();
+    Real nothing = 0.0;  // or no number, where one that is not finite meets itself
+    for (std::size_t j = 0; j < joints_; ++j)
+      nothing += (next_.position[j] - next_.position[j]) + (next_.velocity[j] - next_.velocity[j]);
+    return singular | (nothing != 0.0) | constants_.forces.are_beyond_stop(next_.position.data());
+  }
+
+  // Accelerations under the actuators; tells which scenes have none.
+  Truth<Real> evaluate(const Real* position, const Real* velocity, Real* acceleration) {
+    for (std::size_t j = 0; j < joints_; ++j) effort_[j] = actuator_[j];
+    constants_.forces.add_passive(position, velocity, effort_.data());
+    form_->forward(position, velocity, effort_.data(), acceleration);
+    return form_->good() ^ -1;
+  }
+
+  // As in runge_kutta.hpp.
+  Truth<Real> runge_kutta() {
+    Truth<Real> singular = 0;
+    for (std::size_t l = 0; l < a_.size(); ++l) {
+      Real *rate = &rates_[l * joints_], *acceleration = &accelerations_[l * joints_];
+      for (std::size_t j = 0; j < joints_; ++j) {
+        stage_[j] = state_.position[j] + (step_ * sum(a_[l], rates_, j) + state_.position_remainder[j]);
+        rate[j] = state_.velocity[j] + (step_ * sum(a_[l], accelerations_, j) + state_.velocity_remainder[j]);
+      }
+      singular |= evaluate(stage_.data(), rate, acceleration);
+    }
+    for (std::size_t j = 0; j < joints_; ++j) {
+      move_position(j, step_ * sum(b_, rates_, j));
+      move_velocity(j, step_ * sum(b_, accelerations_, j));
+    }
+    return singular;
+  }
+
+  // As in semi_implicit_euler.hpp.
+  Truth<Real> semi_implicit_euler() {
+    const Truth<Real> singular = evaluate(state_.position.data(), state_.velocity.data(), accelerations_.data());
+    for (std::size_t j = 0; j < joints_; ++j) {
+      move_velocity(j, step_ * accelerations_[j]);
+      move_position(j, step_ * next_.velocity[j] + step_ * next_.velocity_remainder[j]);
+    }
+    return singular;
+  }
+
+  void move_position(std::size_t j, const Real& way) {
+    add_compensated<Real>(state_.position[j], state_.position_remainder[j], way, next_.position[j],
+                          next_.position_remainder[j]);
+  }
+  void move_velocity(std::size_t j, const Real& change) {
+    add_compensated<Real>(state_.velocity[j], state_.velocity_remainder[j], change, next_.velocity[j],
+                          next_.velocity_remainder[j]);
+  }
+
+  // Scenes that stop are run on alone, which tells why; their lanes go on from zero, seen by nobody.
+  __attribute__((noinline)) void dismiss(const Truth<Real>& stopped, std::int64_t tick) {
+    std::vector<int> stay;
+    for (int i : here_) {
+      if (stopped.at[i] == 0) {
+        stay.push_back(i);
+        continue;
+      }
+      JointState& state = alone_.state();
+      for (std::size_t j = 0; j < joints_; ++j) {
+        state.position[j] = lane(state_.position[j], i), state.velocity[j] = lane(state_.velocity[j], i);
+        state.position_remainder[j] = lane(state_.position_remainder[j], i);
+        state.velocity_remainder[j] = lane(state_.velocity_remainder[j], i);
+      }
+      alone_.finish(first_ + i, tick);
+    }
+    for (int i = 0; i < lanes; ++i)
+      if (stopped.at[i] != 0)
+        for (Row* row : {&next_.position, &next_.velocity, &next_.position_remainder, &next_.velocity_remainder})
+          for (Real& number : *row) set_lane(number, i, 0.0);
+    here_ = stay;
+  }
+
+  void keep_states(std::int64_t tick) const {
+    for (int i : here_) {
+      const std::size_t row = batch_.state_row(first_ + i, tick);
+      keep(state_.position, i, batch_.position_reached + row);
+      keep(state_.velocity, i, batch_.velocity_reached + row);
+    }
+  }
+
+  void keep(const Row& numbers, int i, double* out) const {
+    for (std::size_t j = 0; j < joints_; ++j) out[j] = lane(numbers[j], i);
+  }
+
+  const Batch& batch_;
+  const std::size_t joints_;
+  ScenesAlone alone_;
+  SideBySide<Real> constants_;
+  std::unique_ptr<FormOf<Real>> form_;
+  std::int64_t first_ = 0;
+  std::vector<int> here_;  // lanes whose scenes have not left
+  State state_, next_;
+  const Real step_;
+  std::vector<std::vector<Term>> a_;
+  std::vector<Term> b_;
+  Row actuator_, effort_, stage_, rates_, accelerations_;
+};
+
+// Accelerations of many states of one chain, `repeats` times over, for timing: all arrays (count, joints).
+template <class Real>
+class StatesInLanes {
+ public:
+  StatesInLanes(const Scene& scene, const double* position, const double* velocity, const double* effort,
+                double* acceleration, std::size_t count, std::int64_t repeats)
+      : joints_(static_cast<std::size_t>(scene.chain->joint_count)), count_(count), repeats_(repeats),
+        constants_(in_all_lanes(scene)), form_(make_form<Real>(constants_.chain, scene.dense)),
+        given_{position, velocity, effort},
+        wanted_(acceleration), rows_(4 * joints_), last_(4 * joints_ * lanes) {
+    const std::size_t whole = count_ / lanes * lanes;  // the states behind are padded to one more block
+    for (std::size_t part = 0; part < 3; ++part)
+      for (std::size_t i = 0; whole < count_ && i < lanes; ++i)
+        std::copy_n(given_[part] + std::min(whole + i, count_ - 1) * joints_, joints_,
+                    &last_[(part * lanes + i) * joints_]);
+  }
+
+  bool possible() const { return form_ != nullptr; }
+
+  void run() {
+    const std::size_t block = lanes * joints_;
+    for (std::int64_t k = 0; k < repeats_; ++k)
+      for (std::size_t first = 0; first < count_; first += lanes) {
+        const bool whole = first + lanes <= count_;
+        const std::size_t at = first * joints_;
+        evaluate(whole ? given_[0] + at : &last_[0], whole ? given_[1] + at : &last_[block],
+                 whole ? given_[2] + at : &last_[2 * block], whole ? wanted_ + at : &last_[3 * block]);
+        if (!whole) std::copy_n(&last_[3 * block], (count_ - first) * joints_, wanted_ + at);
+      }
+  }
+
+ private:
+  static constexpr std::size_t lanes = lanes_in<Real>;
+
+  static SideBySide<Real> in_all_lanes(const Scene& scene) {
+    SideBySide<Real> constants;
+    for (int i = 0; i < lanes_in<Real>; ++i) constants.set(i, scene);
+    return constants;
+  }
+
+  void evaluate(const double* position, const double* velocity, const double* effort, double* acceleration) {
+    Real *q = rows_.data(), *v = q + joints_, *u = v + joints_, *a = u + joints_;
+    gather(position, q), gather(velocity, v), gather(effort, u);
+    constants_.forces.add_passive(q, v, u);
+    form_->forward(q, v, u, a);
+    for (int i = 0; i < lanes_in<Real>; ++i)
+      for (std::size_t j = 0; j < joints_; ++j) acceleration[static_cast<std::size_t>(i) * joints_ + j] = lane(a[j], i);
+  }
+
+  void gather(const double* rows, Real* out) const {
+    for (std::size_t j = 0; j < joints_; ++j) {
+      Real numbers;
+      for (int i = 0; i < lanes_in<Real>; ++i) set_lane(numbers, i, rows[static_cast<std::size_t>(i) * joints_ + j]);
+      out[j] = numbers;
+    }
+  }
+
+  const std::size_t joints_, count_;
+  const std::int64_t repeats_;
+  SideBySide<Real> constants_;
+  std::unique_ptr<FormOf<Real>> form_;
+  const double* given_[3];
+  double* wanted_;
+  std::vector<Real> rows_;
+  std::vector<double> last_;
+};
+
+}  // namespace planar_chain

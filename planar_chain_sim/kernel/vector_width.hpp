@@ -1,0 +1,70 @@
+// How many numbers the processor's vectors hold, found out at run time: a plain build runs on every machine and uses
+// what is there. The bits do not depend on it.
+#pragma once
+
+#include <vector>
+
+#include "lanes.hpp"
+
+namespace planar_chain {
+
+// run(work) compiles work.run(), with all that it calls, for vectors of `count` numbers.
+template <int count>
+struct VectorWidth;
+
+template <>
+struct VectorWidth<2> {
+  static bool exists() { return true; }
+  template <class Work>
+  __attribute__((flatten)) static void run(Work& work) {
+    work.run();
+  }
+};
+
+#if defined(__x86_64__)
+template <>
+struct VectorWidth<4> {
+  static bool exists() { return __builtin_cpu_supports("avx2"); }
+  template <class Work>
+  __attribute__((target("avx2"), flatten)) static void run(Work& work) {
+    work.run();
+  }
+};
+
+template <>
+struct VectorWidth<8> {
+  static bool exists() { return __builtin_cpu_supports("avx512f"); }
+  template <class Work>
+  __attribute__((target("avx512f"), flatten)) static void run(Work& work) {
+    work.run();
+  }
+};
+#endif
+
+// The widths there are, the widest last.
+inline std::vector<int> vector_widths() {
+  std::vector<int> widths = {2};
+#if defined(__x86_64__)
+  if (VectorWidth<4>::exists()) widths.push_back(4);
+  if (VectorWidth<8>::exists()) widths.push_back(8);
+#endif
+  return widths;
+}
+
+template <int count>
+struct OfWidth {
+  using Real = Lanes<count>;
+  using Vectors = VectorWidth<count>;
+};
+
+// task(OfWidth<width>()) for one of these widths.
+template <class Task>
+void with_width(int width, const Task& task) {
+#if defined(__x86_64__)
+  if (width == 8) return task(OfWidth<8>());
+  if (width == 4) return task(OfWidth<4>());
+#endif
+  task(OfWidth<2>());
+}
+
+}  // namespace planar_chain
