@@ -97,7 +97,7 @@ def test_evaluations_in_lanes_are_forward_dynamics(name):
 
 @pytest.mark.parametrize('method', FIXED)
 def test_a_far_angle_among_near_ones(method):
-    """Beyond half a million quarter turns a lane asks the math library, alone."""
+    """Beyond half a million quarter turns a lane takes the slower road, alone."""
     chain = CHAINS['double_pendulum']
     position, velocity, effort = states(chain)
     position[3, 0], position[9, 1] = 1e7, -3e6

@@ -148,7 +148,10 @@ class ScenesInLanes {
     const Truth<Real> singular = evaluate(state_.position.data(), state_.velocity.data(), accelerations_.data());
     for (std::size_t j = 0; j < joints_; ++j) {
       move_velocity(j, step_ * accelerations_[j]);
-      move_position(j, step_ * next_.velocity[j] + step_ * next_.velocity_remainder[j]);
+      Real coasted, lost;
+      add_compensated<Real>(state_.position[j], state_.position_remainder[j], step_ * next_.velocity[j], coasted, lost);
+      add_compensated<Real>(coasted, lost, step_ * next_.velocity_remainder[j], next_.position[j],
+                            next_.position_remainder[j]);
     }
     return singular;
   }
