@@ -40,7 +40,9 @@ setup(
         include_dirs=pybind11_include(),
         language='c++',
         # The same bits on every IEEE machine: no contraction, no fast-math (not even from CFLAGS), no -march.
-        extra_compile_args=['-std=c++17', '-O3', '-ffp-contract=off', '-fno-fast-math', '-fvisibility=hidden', '-g0'],
+        extra_compile_args=['-std=c++17', '-O3', '-ffp-contract=off', '-fno-fast-math', '-fvisibility=hidden', '-g0',
+                            '-pthread'],
+        extra_link_args=['-pthread'],
     )],
     package_data={f'{NAME}.benchmark.peers': ['*.cpp']},   # compiled when a benchmark needs them
     data_files=[

@@ -22,10 +22,10 @@ STEP, STEPS = 1e-3, 20
 
 def own_evaluation(chain: Chain, position, velocity, effort) -> Optional[Callable[[int], None]]:
     """Return a loop over all states (states, joints); None where the kernel has none."""
-    model = plan_of(chain).model
+    model, dense = plan_of(chain).model, plan_of(chain).form == 'dense'
     if not hasattr(model, 'evaluate_batch'):
         return None
-    return lambda count: model.evaluate_batch(position, velocity, effort, count)
+    return lambda count: model.evaluate_batch(position, velocity, effort, count, dense)
 
 
 def own_rollout(chain: Chain, position, velocity, threads: int) -> Optional[Callable[[int], None]]:

@@ -101,13 +101,17 @@ class Model {
     py::gil_scoped_release release;
     pc::with_width(pc::vector_widths().back(), [&](auto width) {
       pc::StatesInLanes<typename decltype(width)::Real> states(
-          {&chain_, &forces, dense}, position.data(), velocity.data(), effort.data(), out, position.shape(0), repeats);
-      if (states.possible()) return decltype(width)::Vectors::run(states);
-      for (py::ssize_t i = 0; i < position.size(); i += chain_.joint_count) {  // a form that is not made for lanes
-        std::copy_n(effort.data() + i, chain_.joint_count, effort_.begin());
-        forces.add_passive(position.data() + i, velocity.data() + i, effort_.data());
-        form(dense).forward(position.data() + i, velocity.data() + i, effort_.data(), out + i);
+          {&chain_, &forces, dense}, position.data(), velocity.data(), effort.data(), position.shape(0), repeats);
+      if (states.possible()) {
+        decltype(width)::Vectors::run(states);
+        return states.read(out);
       }
+      for (std::int64_t k = 0; k < repeats; ++k)  // a form that is not made for lanes
+        for (py::ssize_t i = 0; i < position.size(); i += chain_.joint_count) {
+          std::copy_n(effort.data() + i, chain_.joint_count, effort_.begin());
+          forces.add_passive(position.data() + i, velocity.data() + i, effort_.data());
+          form(dense).forward(position.data() + i, velocity.data() + i, effort_.data(), out + i);
+        }
     });
     return acceleration;
   }

@@ -214,35 +214,39 @@ class ScenesInLanes {
   Row actuator_, effort_, stage_, rates_, accelerations_;
 };
 
-// Accelerations of many states of one chain, `repeats` times over, for timing: all arrays (count, joints).
+// Accelerations of many states of one chain, `repeats` times over, for timing: all arrays (count, joints). States are put
+// side by side once, before.
 template <class Real>
 class StatesInLanes {
  public:
   StatesInLanes(const Scene& scene, const double* position, const double* velocity, const double* effort,
-                double* acceleration, std::size_t count, std::int64_t repeats)
+                std::size_t count, std::int64_t repeats)
       : joints_(static_cast<std::size_t>(scene.chain->joint_count)), count_(count), repeats_(repeats),
         constants_(in_all_lanes(scene)), form_(make_form<Real>(constants_.chain, scene.dense)),
-        given_{position, velocity, effort},
-        wanted_(acceleration), rows_(4 * joints_), last_(4 * joints_ * lanes) {
-    const std::size_t whole = count_ / lanes * lanes;  // the states behind are padded to one more block
-    for (std::size_t part = 0; part < 3; ++part)
-      for (std::size_t i = 0; whole < count_ && i < lanes; ++i)
-        std::copy_n(given_[part] + std::min(whole + i, count_ - 1) * joints_, joints_,
-                    &last_[(part * lanes + i) * joints_]);
-  }
+        position_(in_lanes(position)), velocity_(in_lanes(velocity)), given_(in_lanes(effort)),
+        acceleration_(given_.size()), effort_(joints_) {}
 
   bool possible() const { return form_ != nullptr; }
 
   void run() {
-    const std::size_t block = lanes * joints_;
+    const auto& forces = constants_.forces;
+    const bool passive = !forces.dampers.empty() || !forces.springs.empty() || !forces.frictions.empty();
     for (std::int64_t k = 0; k < repeats_; ++k)
-      for (std::size_t first = 0; first < count_; first += lanes) {
-        const bool whole = first + lanes <= count_;
-        const std::size_t at = first * joints_;
-        evaluate(whole ? given_[0] + at : &last_[0], whole ? given_[1] + at : &last_[block],
-                 whole ? given_[2] + at : &last_[2 * block], whole ? wanted_ + at : &last_[3 * block]);
-        if (!whole) std::copy_n(&last_[3 * block], (count_ - first) * joints_, wanted_ + at);
+      for (std::size_t at = 0; at < position_.size(); at += joints_) {
+        const Real* effort = &given_[at];
+        if (passive) {
+          for (std::size_t j = 0; j < joints_; ++j) effort_[j] = given_[at + j];
+          forces.add_passive(&position_[at], &velocity_[at], effort_.data());
+          effort = effort_.data();
+        }
+        form_->forward(&position_[at], &velocity_[at], effort, &acceleration_[at]);
       }
+  }
+
+  void read(double* acceleration) const {
+    for (std::size_t i = 0; i < count_; ++i)
+      for (std::size_t j = 0; j < joints_; ++j)
+        acceleration[i * joints_ + j] = lane(acceleration_[i / lanes * joints_ + j], static_cast<int>(i % lanes));
   }
 
  private:
@@ -254,31 +258,19 @@ class StatesInLanes {
     return constants;
   }
 
-  void evaluate(const double* position, const double* velocity, const double* effort, double* acceleration) {
-    Real *q = rows_.data(), *v = q + joints_, *u = v + joints_, *a = u + joints_;
-    gather(position, q), gather(velocity, v), gather(effort, u);
-    constants_.forces.add_passive(q, v, u);
-    form_->forward(q, v, u, a);
-    for (int i = 0; i < lanes_in<Real>; ++i)
-      for (std::size_t j = 0; j < joints_; ++j) acceleration[static_cast<std::size_t>(i) * joints_ + j] = lane(a[j], i);
-  }
-
-  void gather(const double* rows, Real* out) const {
-    for (std::size_t j = 0; j < joints_; ++j) {
-      Real numbers;
-      for (int i = 0; i < lanes_in<Real>; ++i) set_lane(numbers, i, rows[static_cast<std::size_t>(i) * joints_ + j]);
-      out[j] = numbers;
-    }
+  std::vector<Real> in_lanes(const double* rows) const {
+    std::vector<Real> blocks((count_ + lanes - 1) / lanes * joints_);
+    for (std::size_t i = 0; i < count_; ++i)
+      for (std::size_t j = 0; j < joints_; ++j)
+        set_lane(blocks[i / lanes * joints_ + j], static_cast<int>(i % lanes), rows[i * joints_ + j]);
+    return blocks;
   }
 
   const std::size_t joints_, count_;
   const std::int64_t repeats_;
   SideBySide<Real> constants_;
   std::unique_ptr<FormOf<Real>> form_;
-  const double* given_[3];
-  double* wanted_;
-  std::vector<Real> rows_;
-  std::vector<double> last_;
+  std::vector<Real> position_, velocity_, given_, acceleration_, effort_;
 };
 
 }  // namespace planar_chain
