@@ -23,7 +23,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # Stay on this machine unless told otherwise.
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
-.PHONY: run test lint colcon bench clean
+.PHONY: run test lint colcon bench aarch64 clean
 .NOTPARALLEL:
 
 run: $(RUN_READY)
@@ -47,6 +47,12 @@ colcon: $(TEST_READY)
 BENCH_FOLDER := build/benchmark
 bench: $(BENCH_READY)
 	@exec $(VENV)/bin/benchmark $(or $(ARGS),all --folder $(BENCH_FOLDER))
+
+# The kernel for another kind of processor, emulated, against the one here: needs a cross compiler and qemu-user.
+aarch64: $(RUN_READY)
+	@mkdir -p build
+	aarch64-linux-gnu-g++ -std=c++17 -O2 -ffp-contract=off -static test/trajectory.cpp -o build/trajectory-aarch64
+	$(PY) test/portable_bits.py qemu-aarch64-static build/trajectory-aarch64
 
 # A candidate is run, not looked up: a name on the PATH can be a shim that fails, or lack venv or the C headers.
 CANDIDATES := $(or $(PYTHON),python3.14 python3.13 python3.12 python3.11 python3.10 python3)

@@ -35,8 +35,8 @@ class Plan:
                 f'uses {", ".join(self.used) or "nothing more"}; skips {", ".join(self.skipped) or "nothing"}')
 
 
-def _kernel_model(chain: Chain, links) -> object:
-    """Hand the merged links to the kernel; M_i of (5.60) is summed from the leaves."""
+def kernel_arrays(chain: Chain, links) -> tuple[np.ndarray, np.ndarray]:
+    """Return topology (links, 3) and numbers (links, 12) of merged links; M_i of (5.60) is summed from the leaves."""
     index = {joint.name: k for k, joint in enumerate(chain.joints)}
     outboard = [0.0] * (len(links) + 1)
     for slot in range(len(links), 0, -1):
@@ -50,6 +50,12 @@ def _kernel_model(chain: Chain, links) -> object:
          link.inertia, link.offset.real, link.offset.imag, link.slide_axis.real, link.slide_axis.imag,
          link.rotation.armature if link.rotation else 0.0, link.slide.armature if link.slide else 0.0)
         for slot, link in enumerate(links, start=1)]).reshape(len(links), 12)
+    return topology, constants
+
+
+def _kernel_model(chain: Chain, links) -> object:
+    """Hand the merged links and the laws of their joints to the kernel."""
+    topology, constants = kernel_arrays(chain, links)
     model = _kernel.Model(topology, constants, (chain.gravity.real, chain.gravity.imag), chain.joint_count)
     teach_kernel(model, chain)
     return model

@@ -11,21 +11,15 @@
 #include <string>
 #include <tuple>
 
-#include "adaptive_runge_kutta.hpp"
 #include "chain.hpp"
 #include "forms.hpp"
-#include "gauss.hpp"
 #include "integrators.hpp"
 #include "jacobian.hpp"
 #include "joint_forces.hpp"
+#include "methods.hpp"
 #include "recursive.hpp"
 #include "roll_batch.hpp"
 #include "rollout.hpp"
-#include "rosenbrock.hpp"
-#include "runge_kutta.hpp"
-#include "semi_implicit_euler.hpp"
-#include "taylor_dense.hpp"
-#include "taylor_recursive.hpp"
 #include "trigonometry.hpp"
 
 namespace py = pybind11;
@@ -168,65 +162,14 @@ class Model {
   std::vector<double> effort_;
 };
 
-// What a method is made of, from its row of METHODS in integrators.py.
-struct MethodData {
-  std::string family;
-  int order = 0;
-  bool adaptive = false;
-  pc::Tableau tableau;
-  double tolerance = 0.0;  // adaptive methods
-  double fixed = 0.0;      // s: an adaptive method takes steps of this length, to measure its order; 0: its own
-};
-
-// The first of `Sizes`, rising, that the chain fits into; null if it is larger than all.
-template <bool Slides, int... Sizes>
-std::unique_ptr<pc::Integrator> make_taylor_dense(const MethodData& data, const pc::Chain& chain,
-                                                  const pc::JointForces& forces, double step) {
-  std::unique_ptr<pc::Integrator> made;
-  const auto make = [&](auto size) {
-    constexpr int vectors = decltype(size)::value;
-    if (made == nullptr && chain.joint_count <= vectors)
-      made = std::make_unique<pc::TaylorDense<vectors, Slides>>(chain, forces, step, data.order, data.tolerance, data.fixed);
-  };
-  (make(std::integral_constant<int, Sizes>{}), ...);
-  return made;
-}
-
-std::unique_ptr<pc::Integrator> make_taylor(const MethodData& data, const pc::Chain& chain,
-                                            const pc::JointForces& forces, double step, bool unrolled) {
-  if (unrolled) {
-    bool slides = false;
-    for (const pc::Link& link : chain.links) slides = slides || link.slide >= 0;
-    auto dense = slides ? make_taylor_dense<true, 2, 4, 6, 8>(data, chain, forces, step)
-                        : make_taylor_dense<false, 1, 2, 3, 4, 6, 8>(data, chain, forces, step);
-    if (dense != nullptr) return dense;
-  }
-  return std::make_unique<pc::TaylorRecursive>(chain, forces, step, data.order, data.tolerance, data.fixed);
-}
-
-std::unique_ptr<pc::Integrator> make_integrator(const MethodData& data, const pc::Chain& chain, pc::Form& form,
-                                                const pc::JointForces& forces, double step, bool dense) {
-  const int joints = chain.joint_count;
-  if (data.family == "taylor") return make_taylor(data, chain, forces, step, dense);
-  if (data.family == "semi-implicit") return std::make_unique<pc::SemiImplicitEuler>(form, forces, joints, step);
-  if (data.family == "Gauss") return std::make_unique<pc::Gauss>(form, forces, joints, data.tableau, step);
-  if (data.family == "Rosenbrock")
-    return std::make_unique<pc::Rosenbrock>(chain, form, forces, data.tableau, data.order, step, data.tolerance,
-                                            data.fixed);
-  if (data.adaptive)
-    return std::make_unique<pc::AdaptiveRungeKutta>(form, forces, joints, data.tableau, data.order, step,
-                                                    data.tolerance, data.fixed);
-  return std::make_unique<pc::ExplicitRungeKutta>(form, forces, joints, data.tableau, step);
-}
-
 // State, method and workspace of one simulation. Ticks are counted by Python.
 class Stepper {
  public:
-  Stepper(const Model& model, const MethodData& method, double step, bool dense)
+  Stepper(const Model& model, const pc::MethodData& method, double step, bool dense)
       : forces_(model.forces), state_(model.chain().joint_count), effort_(state_.position.size()),
         latched_(state_.position.size()), zero_(state_.position.size()), step_(step),
         form_(pc::make_form<double>(model.chain(), dense)),
-        integrator_(make_integrator(method, model.chain(), *form_, forces_, step, dense)) {}
+        integrator_(pc::make_integrator(method, model.chain(), *form_, forces_, step, dense)) {}
   Stepper(const Stepper&) = delete;
 
   // Goes on from `now` s, at tick `tick` or behind it, where the arguments are whole: an int >= 0; None or a finite array
@@ -413,11 +356,11 @@ PYBIND11_MODULE(_kernel, module) {
       .def("derivatives", &Model::derivatives)
       .def("energy", &Model::energy);
 
-  py::class_<MethodData>(module, "MethodData")
+  py::class_<pc::MethodData>(module, "MethodData")
       .def(py::init([](std::string family, int order, bool adaptive, double tolerance, double fixed) {
-        return MethodData{family, order, adaptive, {}, tolerance, fixed};
+        return pc::MethodData{family, order, adaptive, {}, tolerance, fixed};
       }), py::arg("family"), py::arg("order"), py::arg("adaptive"), py::arg("tolerance"), py::arg("fixed") = 0.0)
-      .def("set_tableau", [](MethodData& data, int stages, std::vector<double> a, std::vector<double> b,
+      .def("set_tableau", [](pc::MethodData& data, int stages, std::vector<double> a, std::vector<double> b,
                              std::vector<double> error, std::vector<double> dense_a, std::vector<double> dense,
                              std::vector<double> c, double gamma) {
         data.tableau = {stages, a, b, error, dense_a, dense, c, gamma};

@@ -1,0 +1,72 @@
+// From a method's row to the class that runs it.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <type_traits>
+
+#include "adaptive_runge_kutta.hpp"
+#include "chain.hpp"
+#include "forms.hpp"
+#include "gauss.hpp"
+#include "joint_forces.hpp"
+#include "rosenbrock.hpp"
+#include "runge_kutta.hpp"
+#include "semi_implicit_euler.hpp"
+#include "taylor_dense.hpp"
+#include "taylor_recursive.hpp"
+
+namespace planar_chain {
+
+// What a method is made of, from its row of METHODS in integrators.py.
+struct MethodData {
+  std::string family;
+  int order = 0;
+  bool adaptive = false;
+  Tableau tableau;
+  double tolerance = 0.0;  // adaptive methods
+  double fixed = 0.0;      // s: an adaptive method takes steps of this length, to measure its order; 0: its own
+};
+
+// The first of `Sizes`, rising, that the chain fits into; null if it is larger than all.
+template <bool Slides, int... Sizes>
+std::unique_ptr<Integrator> make_taylor_dense(const MethodData& data, const Chain& chain,
+                                                  const JointForces& forces, double step) {
+  std::unique_ptr<Integrator> made;
+  const auto make = [&](auto size) {
+    constexpr int vectors = decltype(size)::value;
+    if (made == nullptr && chain.joint_count <= vectors)
+      made = std::make_unique<TaylorDense<vectors, Slides>>(chain, forces, step, data.order, data.tolerance, data.fixed);
+  };
+  (make(std::integral_constant<int, Sizes>{}), ...);
+  return made;
+}
+
+inline std::unique_ptr<Integrator> make_taylor(const MethodData& data, const Chain& chain,
+                                            const JointForces& forces, double step, bool unrolled) {
+  if (unrolled) {
+    bool slides = false;
+    for (const Link& link : chain.links) slides = slides || link.slide >= 0;
+    auto dense = slides ? make_taylor_dense<true, 2, 4, 6, 8>(data, chain, forces, step)
+                        : make_taylor_dense<false, 1, 2, 3, 4, 6, 8>(data, chain, forces, step);
+    if (dense != nullptr) return dense;
+  }
+  return std::make_unique<TaylorRecursive>(chain, forces, step, data.order, data.tolerance, data.fixed);
+}
+
+inline std::unique_ptr<Integrator> make_integrator(const MethodData& data, const Chain& chain, Form& form,
+                                                const JointForces& forces, double step, bool dense) {
+  const int joints = chain.joint_count;
+  if (data.family == "taylor") return make_taylor(data, chain, forces, step, dense);
+  if (data.family == "semi-implicit") return std::make_unique<SemiImplicitEuler>(form, forces, joints, step);
+  if (data.family == "Gauss") return std::make_unique<Gauss>(form, forces, joints, data.tableau, step);
+  if (data.family == "Rosenbrock")
+    return std::make_unique<Rosenbrock>(chain, form, forces, data.tableau, data.order, step, data.tolerance,
+                                            data.fixed);
+  if (data.adaptive)
+    return std::make_unique<AdaptiveRungeKutta>(form, forces, joints, data.tableau, data.order, step,
+                                                    data.tolerance, data.fixed);
+  return std::make_unique<ExplicitRungeKutta>(form, forces, joints, data.tableau, step);
+}
+
+}  // namespace planar_chain
