@@ -280,7 +280,7 @@ class Stepper {
 // Runs scenes of one model, or of a model each, with whether its form is dense and its method, which is one for all but
 // for adaptive ones, from states (scenes, joints) under efforts (1 or scenes, 1 or ticks, joints). Returns positions, velocities (scenes, ticks + 1, joints) and efforts
 // (scenes, ticks, joints), or, if not `every_tick`, with 1 and no rows; then ticks done, outcome, joint of each scene.
-py::tuple roll_batch(const std::vector<std::tuple<Model*, bool, MethodData*>>& models, double step, std::int64_t ticks,
+py::tuple roll_batch(const std::vector<std::tuple<Model*, bool, pc::MethodData*>>& models, double step, std::int64_t ticks,
                      const Array& position, const Array& velocity, const Array& effort,
                      bool every_tick, int threads, int width) {
   pc::Batch batch;
@@ -290,13 +290,13 @@ py::tuple roll_batch(const std::vector<std::tuple<Model*, bool, MethodData*>>& m
   batch.position = position.data(), batch.velocity = velocity.data(), batch.effort = effort.data();
   if (effort.shape(1) > 1) batch.effort_tick_stride = static_cast<std::size_t>(batch.joints);
   if (effort.shape(0) > 1) batch.effort_scene_stride = static_cast<std::size_t>(effort.shape(1) * effort.shape(2));
-  const MethodData& first = *std::get<MethodData*>(models.front());
+  const pc::MethodData& first = *std::get<pc::MethodData*>(models.front());
   if (first.family == "explicit Runge-Kutta" && !first.adaptive)
     batch.method = pc::LaneMethod::runge_kutta, batch.tableau = first.tableau;
   if (first.family == "semi-implicit") batch.method = pc::LaneMethod::semi_implicit_euler;
   batch.single_run = [&](std::size_t i) {
     const pc::Scene& scene = batch.scenes[i];
-    const MethodData& method = *std::get<MethodData*>(models[i]);
+    const pc::MethodData& method = *std::get<pc::MethodData*>(models[i]);
     pc::SingleRun run{pc::make_form<double>(*scene.chain, scene.dense), nullptr};
     run.integrator = make_integrator(method, *scene.chain, *run.form, *scene.forces, step, scene.dense);
     return run;
@@ -367,7 +367,7 @@ PYBIND11_MODULE(_kernel, module) {
       });
 
   py::class_<Stepper>(module, "Stepper")
-      .def(py::init<const Model&, const MethodData&, double, bool>(), py::keep_alive<1, 2>())
+      .def(py::init<const Model&, const pc::MethodData&, double, bool>(), py::keep_alive<1, 2>())
       .def("advance", &Stepper::advance)
       .def("reach", &Stepper::reach)
       .def("set_state", &Stepper::set_state)
