@@ -84,7 +84,7 @@ class Simulation:
         self._stepper = _kernel.Stepper(plan_of(chain).model, method_data(self._row, self.tolerance), self.step,
                                         self.form == 'dense')
         self._tick, self._between = 0, None
-        self._stepper.set_state(*initial_state(chain))
+        self.set_state(*initial_state(chain))
 
     def _resolve_form(self, form: str) -> tuple[str, str]:
         """Form of the equations that is integrated, and why where 'auto' was asked for or there is no other."""
@@ -150,8 +150,9 @@ class Simulation:
 
         ValueError: bad arrays.
         """
-        shape = (self.chain.joint_count,)
-        self._stepper.set_state(joint_array('position', position, shape), joint_array('velocity', velocity, shape))
+        if not self._stepper.put_state(position, velocity):  # not yet what the kernel takes
+            shape = (self.chain.joint_count,)
+            self._stepper.put_state(joint_array('position', position, shape), joint_array('velocity', velocity, shape))
 
     def advance(self, ticks: int, effort=None, record: Optional[tuple] = None) -> None:
         """

@@ -42,7 +42,7 @@ def exact_state(time, chain=CHAIN, effort=None):
 
 def stepper_of(row, tick, tolerance=1e-9, fixed=0.0):
     stepper = _kernel.Stepper(plan_of(CHAIN).model, method_data(row, tolerance, fixed), tick, True)
-    stepper.set_state(*initial_state(CHAIN))
+    stepper.put_state(*initial_state(CHAIN))
     return stepper
 
 

@@ -123,7 +123,7 @@ def test_a_step_whose_first_pivot_vanishes_is_between_its_neighbours():
     length, ends = np.sqrt(-mass[0, 0] / by_position[0, 0]) / row.gamma, []
     for factor in (1.0 - 1e-9, 1.0, 1.0 + 1e-9):
         stepper = _kernel.Stepper(model, method_data(row, 1e-9, fixed=factor * length), length, True)
-        stepper.set_state(position, velocity)
+        stepper.put_state(position, velocity)
         stepper.advance(0.0, 0, 1, None, None)
         ends.append(stepper.velocity)
     # the state itself is known to eps pi / 1e-9 = 7e-7 of what is off

@@ -16,7 +16,7 @@ TWO_RODS = pcs.load_chain('double_pendulum.yaml')
 def stepper(chain, order, tolerance=1e-15, fixed=0.0, dense=True, tick=0.05):
     method = _kernel.MethodData('taylor', order, True, tolerance, fixed)
     made = _kernel.Stepper(plan_of(chain).model, method, tick, dense)
-    made.set_state(*initial_state(chain))
+    made.put_state(*initial_state(chain))
     return made
 
 

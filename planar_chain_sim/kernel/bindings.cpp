@@ -232,6 +232,19 @@ class Stepper {
     return py::none();
   }
 
+  // False, with nothing changed, where Python is to check or convert an argument first.
+  bool put_state(const py::handle& position, const py::handle& velocity) {
+    for (const py::handle& given : {position, velocity}) {
+      if (!py::isinstance<Array>(given)) return false;
+      const Array array = py::reinterpret_borrow<Array>(given);
+      if (array.ndim() != 1 || array.size() != static_cast<py::ssize_t>(effort_.size())) return false;
+      for (py::ssize_t i = 0; i < array.size(); ++i)
+        if (!std::isfinite(array.data()[i])) return false;
+    }
+    set_state(py::reinterpret_borrow<Array>(position), py::reinterpret_borrow<Array>(velocity));
+    return true;
+  }
+
   void set_state(const Array& position, const Array& velocity) {
     integrator_->forget();
     std::copy(position.data(), position.data() + position.size(), state_.position.begin());
@@ -370,7 +383,7 @@ PYBIND11_MODULE(_kernel, module) {
       .def(py::init<const Model&, const pc::MethodData&, double, bool>(), py::keep_alive<1, 2>())
       .def("advance", &Stepper::advance)
       .def("reach", &Stepper::reach)
-      .def("set_state", &Stepper::set_state)
+      .def("put_state", &Stepper::put_state)
       .def("save", &Stepper::save)
       .def("load", &Stepper::load)
       .def_property_readonly("position", &Stepper::position)

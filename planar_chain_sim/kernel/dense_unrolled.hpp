@@ -56,7 +56,7 @@ class UnrolledDenseOf final : public WideForm<UnrolledDenseOf<N, Real>, Real> {
       sine_cosine(both, sines, cosines);
       for (int i = 0; i < N; ++i) s[i] = lane(sines, i), c[i] = lane(cosines, i);
     } else {
-      sine_cosine_each(angle, s, c, W);
+      sine_cosine_each(angle, NothingLost(), s, c, W);
     }
   }
 

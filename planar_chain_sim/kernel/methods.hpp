@@ -28,15 +28,14 @@ struct MethodData {
   double fixed = 0.0;      // s: an adaptive method takes steps of this length, to measure its order; 0: its own
 };
 
-// The first of `Sizes`, rising, that the chain fits into; null if it is larger than all.
+// The first of `Sizes`, rising, that the chain's angles fit into.
 template <bool Slides, int... Sizes>
-std::unique_ptr<Integrator> make_taylor_dense(const MethodData& data, const Chain& chain,
-                                                  const JointForces& forces, double step) {
+std::unique_ptr<Integrator> make_taylor_dense(const MethodData& data, const Chain& chain, const JointForces& forces,
+                                              double step, int angles) {
   std::unique_ptr<Integrator> made;
   const auto make = [&](auto size) {
-    constexpr int vectors = decltype(size)::value;
-    if (made == nullptr && chain.joint_count <= vectors)
-      made = std::make_unique<TaylorDense<vectors, Slides>>(chain, forces, step, data.order, data.tolerance, data.fixed);
+    if (made == nullptr && angles <= size)
+      made = std::make_unique<TaylorDense<size, Slides>>(chain, forces, step, data.order, data.tolerance, data.fixed);
   };
   (make(std::integral_constant<int, Sizes>{}), ...);
   return made;
@@ -44,14 +43,12 @@ std::unique_ptr<Integrator> make_taylor_dense(const MethodData& data, const Chai
 
 inline std::unique_ptr<Integrator> make_taylor(const MethodData& data, const Chain& chain,
                                             const JointForces& forces, double step, bool unrolled) {
-  if (unrolled) {
-    bool slides = false;
-    for (const Link& link : chain.links) slides = slides || link.slide >= 0;
-    auto dense = slides ? make_taylor_dense<true, 2, 4, 6, 8>(data, chain, forces, step)
-                        : make_taylor_dense<false, 1, 2, 3, 4, 6, 8>(data, chain, forces, step);
-    if (dense != nullptr) return dense;
-  }
-  return std::make_unique<TaylorRecursive>(chain, forces, step, data.order, data.tolerance, data.fixed);
+  if (!unrolled || chain.joint_count > 8)
+    return std::make_unique<TaylorRecursive>(chain, forces, step, data.order, data.tolerance, data.fixed);
+  int angles = 0;
+  for (const Link& link : chain.links) angles += link.rotation >= 0;
+  return angles < chain.joint_count ? make_taylor_dense<true, 2, 4, 6, 8>(data, chain, forces, step, angles)
+                                    : make_taylor_dense<false, 2, 4, 6, 8>(data, chain, forces, step, angles);
 }
 
 inline std::unique_ptr<Integrator> make_integrator(const MethodData& data, const Chain& chain, Form& form,

@@ -195,7 +195,7 @@ class RecursionOf final : public FormOf<Real> {
       angle_[i] = angle, state_[i].rate = rate;
     }
     if constexpr (lanes_in<Real> > 1) {
-      sine_cosine_each(&angle_[1], &sine_[1], &cosine_[1], n);
+      sine_cosine_each(&angle_[1], NothingLost(), &sine_[1], &cosine_[1], n);
     } else if (n <= few_angles) {
       for (int i = 1; i <= n; ++i) sine_cosine(angle_[i], sine_[i], cosine_[i]);
     } else {

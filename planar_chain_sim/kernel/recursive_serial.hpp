@@ -72,7 +72,7 @@ class SerialRecursionOf final : public WideForm<SerialRecursionOf<Real>, Real> {
 
   // First moments and levers in world axes, and what depends on them alone.
   void place() {
-    sine_cosine_each(row(angle), row(sine), row(cosine), padded_);
+    sine_cosine_each(row(angle), NothingLost(), row(sine), row(cosine), padded_);
     const Real *const mx = row(moment_x), *const my = row(moment_y), *const ox = row(offset_x),
                  *const oy = row(offset_y);
     const Real *const s = row(sine), *const c = row(cosine), *const w = row(turning);

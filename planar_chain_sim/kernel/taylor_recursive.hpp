@@ -22,11 +22,6 @@
 
 namespace planar_chain {
 
-// Four numbers at a time, with whatever vectors the machine has: the bits do not depend on it.
-typedef double Four __attribute__((vector_size(32), aligned(8), may_alias));
-inline const Four& four(const double* at) { return *reinterpret_cast<const Four*>(at); }
-inline Four& four(double* at) { return *reinterpret_cast<Four*>(at); }
-
 class TaylorRecursive final : public Taylor {
  public:
   TaylorRecursive(const Chain& chain, const JointForces& forces, double tick_length, int order, double tolerance,

@@ -60,7 +60,7 @@ inline void reduced_sine_cosine(const Real& r, const Real& tail, const Bits<Real
 // Of angle + low, |low| small beside it, of at most most_quarters quarter turns; true where the angle is farther and
 // the result is to be thrown away.
 template <class Real>
-inline Truth<Real> near_sine_cosine(const Real& angle, const Real& low, Real& sine, Real& cosine) {
+PLANAR_CHAIN_INLINE Truth<Real> near_sine_cosine(const Real& angle, const Real& low, Real& sine, Real& cosine) {
   const Real shifted = angle * quarters_per_radian + to_nearest;
   const Real k = shifted - to_nearest;
   // angle - k pi/2 = r + tail, |r| <= pi/4, |tail| < 2^-50, correct to 2^-99
@@ -100,14 +100,18 @@ inline void sine_cosine(const Real& angle, Real& sine, Real& cosine) {
   sine_cosine(angle, Real(0.0), sine, cosine);
 }
 
-// The same for `count` angles, where few are far.
-template <class Real>
-inline void sine_cosine_each(const Real* __restrict angle, Real* __restrict sine, Real* __restrict cosine, int count) {
+// The same for `count` angles, where few are far. `low`: what sums of them have lost, an array or NothingLost.
+struct NothingLost {
+  double operator[](int) const { return 0.0; }
+};
+template <class Real, class Low>
+PLANAR_CHAIN_INLINE void sine_cosine_each(const Real* __restrict angle, const Low& low, Real* __restrict sine,
+                                          Real* __restrict cosine, int count) {
   std::conditional_t<lanes_in<Real> == 1, int, Truth<Real>> far = 0;  // an int, for the loop to become vectors
   for (int i = 0; i < count; ++i)
-    far |= trigonometry::near_sine_cosine(angle[i], Real(0.0), sine[i], cosine[i]);
+    far |= trigonometry::near_sine_cosine(angle[i], Real(low[i]), sine[i], cosine[i]);
   if (!any(Truth<Real>(far))) return;
-  for (int i = 0; i < count; ++i) sine_cosine(angle[i], sine[i], cosine[i]);
+  for (int i = 0; i < count; ++i) sine_cosine(angle[i], Real(low[i]), sine[i], cosine[i]);
 }
 
 // The same for `blocks` times 8 angles, with the machine's widest vectors; without contraction that changes no bit.
