@@ -60,6 +60,20 @@ def test_threshold_of_the_guard(name, form):
     assert pcs.forward_dynamics(above, zero, zero, zero, form).tolist() == zero.tolist()
 
 
+@pytest.mark.parametrize('name', CASES)
+def test_the_series_have_the_guard_too(name):
+    """The unrolled series eliminate slides first: another joint may be named, the threshold is the same within 2."""
+    scale, bodies = CASES[name]
+    for factor in (0.0, 50.0):
+        simulation = pcs.Simulation(chain_of(*bodies(factor * EPS * scale)), 'taylor')
+        assert simulation.form == 'dense'
+        with pytest.raises(pcs.SimulationError, match='the configuration is singular; the last good state is kept'):
+            simulation.advance(1)
+    simulation = pcs.Simulation(chain_of(*bodies(200.0 * EPS * scale)), 'taylor')
+    simulation.advance(1)
+    assert not simulation.position.any()
+
+
 def test_an_acceleration_that_overflows_is_named():
     chain = chain_of(turning(-1, 1.0, 0j, 1.0), turning(-1, 1.0, 0j, 1e-3))
     with pytest.raises(pcs.SimulationError, match="joint 'j1' of thin: the acceleration is not finite"):

@@ -52,7 +52,7 @@ class Model {
     }
     chain_.find_features();
     recursion_.emplace(chain_);
-    chain_.refined = pc::largest_correction(chain_) > pc::most_correction;
+    chain_.refined = pc::needs_refinement(chain_);
     recursive_ = pc::make_form<double>(chain_, false);
     effort_.resize(static_cast<std::size_t>(joint_count));
   }

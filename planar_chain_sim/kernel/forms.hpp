@@ -31,8 +31,8 @@ std::unique_ptr<FormOf<Real>> make_form(const ChainOf<Real>& chain, bool dense) 
     if (dense) return std::make_unique<DenseOf<Real>>(chain);
   }
   if (dense) return nullptr;
-  if (chain.refined) return std::make_unique<RefinedRecursionOf<Real>>(chain);
   if (serial) return std::make_unique<SerialRecursionOf<Real>>(chain);
+  if (chain.refined) return std::make_unique<RefinedRecursionOf<Real>>(chain);
   return std::make_unique<RecursionOf<Real>>(chain);
 }
 

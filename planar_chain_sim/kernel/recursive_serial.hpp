@@ -28,7 +28,7 @@ class SerialRecursionOf final : public WideForm<SerialRecursionOf<Real>, Real> {
   }
 
   explicit SerialRecursionOf(const ChainOf<Real>& chain)
-      : count_(chain.link_count()), padded_(lanes_in<Real> > 1 ? count_ : (count_ + 3) / 4 * 4),
+      : refined_(chain.refined), count_(chain.link_count()), padded_(lanes_in<Real> > 1 ? count_ : (count_ + 3) / 4 * 4),
         stride_((padded_ + 7) / 8 / 2 * 16 + 8), gravity_x_(chain.gravity_x), gravity_y_(chain.gravity_y),
         constants_(std::size_t(stride_) * constant_rows),
         state_(std::size_t(stride_) * state_rows, Real(0.0)) {
@@ -45,8 +45,10 @@ class SerialRecursionOf final : public WideForm<SerialRecursionOf<Real>, Real> {
     turn(position, velocity);
     place();
     const int singular = eliminate(effort);
-    if (singular < 0) substitute(acceleration);
-    return singular;
+    if (singular >= 0) return singular;
+    substitute(acceleration);
+    if (refined_) refine(effort, acceleration);
+    return -1;
   }
 
  private:
@@ -55,7 +57,8 @@ class SerialRecursionOf final : public WideForm<SerialRecursionOf<Real>, Real> {
     angle, turning, sine, cosine,                      // phi, -phi'^2, e^(j phi)
     coupling_x, coupling_y, bias_x, bias_y,            // own part of h and q
     lever_x, lever_y, carried_x, carried_y,            // s and k of the next link
-    row_x, row_y, known, state_rows                    // kept for the way back: g = h / I, t / I
+    row_x, row_y, known,                               // kept for the way back: g = h / I, t / I
+    reciprocal, turned, point_x, point_y, state_rows   // kept for refinement: 1 / I, phi'', a
   };
   const Real* row(Constant kind) const { return &constants_[std::size_t(kind) * stride_]; }
   Real* row(State kind) { return &state_[std::size_t(kind) * stride_]; }
@@ -94,7 +97,7 @@ class SerialRecursionOf final : public WideForm<SerialRecursionOf<Real>, Real> {
     const Real *const ownx = row(coupling_x), *const owny = row(coupling_y), *const qx = row(bias_x),
                *const qy = row(bias_y), *const leverx = row(lever_x), *const levery = row(lever_y),
                *const carriedx = row(carried_x), *const carriedy = row(carried_y);
-    Real *const gxs = row(row_x), *const gys = row(row_y), *const knowns = row(known);
+    Real *const gxs = row(row_x), *const gys = row(row_y), *const knowns = row(known), *const inverses = row(reciprocal);
     Real axx = 0.0, axy = 0.0, ayy = 0.0, cx = 0.0, cy = 0.0, bx = 0.0, by = 0.0, torque = 0.0;
     Real pivot = own[count_ - 1];
     for (int i = count_ - 1;; --i) {
@@ -103,7 +106,7 @@ class SerialRecursionOf final : public WideForm<SerialRecursionOf<Real>, Real> {
       const Real bxx = m[i] + axx, byy = m[i] + ayy, hx = cx + ownx[i], hy = cy + owny[i];
       const Real reaction = signs[i] * effort[i], t = torque + reaction;  // Q_phi = S tau
       const Real gx = hx * inverse, gy = hy * inverse;
-      gxs[i] = gx, gys[i] = gy, knowns[i] = t * inverse;
+      gxs[i] = gx, gys[i] = gy, knowns[i] = t * inverse, inverses[i] = inverse;
       if (i == 0) return -1;
       const Real sx = leverx[i - 1], sy = levery[i - 1], kx = carriedx[i - 1], ky = carriedy[i - 1];
       const Real zx = bxx * sx + axy * sy, zy = axy * sx + byy * sy;
@@ -123,16 +126,50 @@ class SerialRecursionOf final : public WideForm<SerialRecursionOf<Real>, Real> {
     const Real *const leverx = row(lever_x), *const levery = row(lever_y), *const carriedx = row(carried_x),
                *const carriedy = row(carried_y), *const gxs = row(row_x), *const gys = row(row_y),
                *const knowns = row(known);
+    Real* const turns = row(turned);
     Real ax = -gravity_x_, ay = -gravity_y_, before = 0.0;
     for (int i = 0; i < count_; ++i) {
       const Real gx = gxs[i], gy = gys[i], sx = leverx[i], sy = levery[i];
-      const Real turned = knowns[i] - (gx * ax + gy * ay);
+      const Real turn = knowns[i] - (gx * ax + gy * ay);
       const Real dx = (sx * gx) * ax + (sx * gy) * ay, dy = (sy * gx) * ax + (sy * gy) * ay;
       ax = (ax + (carriedx[i] + sx * knowns[i])) - dx, ay = (ay + (carriedy[i] + sy * knowns[i])) - dy;
-      acceleration[i] = signs[i] * (turned - before), before = turned;
+      turns[i] = turn;
+      acceleration[i] = signs[i] * (turn - before), before = turn;
     }
   }
 
+  // One step of iterative refinement (equations.md 7): what inverse dynamics (6.1) finds missing in Q is answered with
+  // the same factors.
+  void refine(const Real* effort, Real* acceleration) {
+    const Real *const m = row(mass), *const own = row(inertia), *const signs = row(sign);
+    const Real *const hx = row(coupling_x), *const hy = row(coupling_y), *const qx = row(bias_x), *const qy = row(bias_y),
+               *const sx = row(lever_x), *const sy = row(lever_y), *const kx = row(carried_x), *const ky = row(carried_y),
+               *const gx = row(row_x), *const gy = row(row_y), *const inverses = row(reciprocal);
+    Real *const turns = row(turned), *const px = row(point_x), *const py = row(point_y), *const knowns = row(known);
+    Real ax = -gravity_x_, ay = -gravity_y_;
+    for (int i = 0; i < count_; ++i) {
+      px[i] = ax, py[i] = ay;
+      ax = ax + (kx[i] + sx[i] * turns[i]), ay = ay + (ky[i] + sy[i] * turns[i]);
+    }
+    Real fx = 0.0, fy = 0.0, bx = 0.0, by = 0.0, outer = 0.0;
+    for (int i = count_ - 1; i >= 0; --i) {
+      const Real reaction = signs[i] * effort[i];
+      const Real needed = own[i] * turns[i] + (hx[i] * px[i] + hy[i] * py[i]) + (sx[i] * fx + sy[i] * fy);
+      const Real t = ((reaction - outer) - needed) - (sx[i] * bx + sy[i] * by);
+      fx = fx + (m[i] * px[i] + (hx[i] * turns[i] + qx[i])), fy = fy + (m[i] * py[i] + (hy[i] * turns[i] + qy[i]));
+      bx = bx + gx[i] * t, by = by + gy[i] * t;
+      knowns[i] = t * inverses[i], outer = reaction;
+    }
+    ax = 0.0, ay = 0.0;
+    Real before = 0.0;
+    for (int i = 0; i < count_; ++i) {
+      const Real correction = knowns[i] - (gx[i] * ax + gy[i] * ay);
+      ax = ax + sx[i] * correction, ay = ay + sy[i] * correction;
+      acceleration[i] = acceleration[i] + signs[i] * (correction - before), before = correction;
+    }
+  }
+
+  const bool refined_;
   const int count_, padded_;  // links; the same rounded up to whole vectors
   const int stride_;          // an odd number of cache lines, so that the rows of a long chain do not collide
   const Real gravity_x_, gravity_y_;

@@ -39,14 +39,13 @@ class RefinedRecursionOf final : public FormOf<Real> {
 };
 
 // A chain needs it where it moves an acceleration by more than this, relative to the largest, at one of a few fixed
-// states: the straight one at rest, where it is stiffest, and irregular ones.
+// states: the straight one at rest under efforts, where it is stiffest, and irregular ones.
 constexpr double most_correction = 1e-14;
 
-inline double largest_correction(const Chain& chain) {
+inline bool needs_refinement(const Chain& chain) {
   RefinedRecursionOf<double> form(chain);
   const std::size_t joints = chain.joint_count;
   std::vector<double> position(joints), velocity(joints), effort(joints), acceleration(joints);
-  double worst = 0.0;
   for (int trial = 0; trial < 5; ++trial) {
     for (std::size_t i = 0; i < joints; ++i) {
       const double turn = 0.6180339887498949 * static_cast<double>((i + 1) * (trial + 1)), part = turn - std::floor(turn);
@@ -59,9 +58,9 @@ inline double largest_correction(const Chain& chain) {
       largest = std::fmax(largest, std::fabs(acceleration[i]));
       moved = std::fmax(moved, std::fabs(form.correction()[i]));
     }
-    worst = std::fmax(worst, moved / largest);
+    if (moved > most_correction * largest) return true;
   }
-  return worst;
+  return false;
 }
 
 }  // namespace planar_chain
