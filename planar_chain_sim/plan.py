@@ -75,6 +75,7 @@ def _make_plan(chain: Chain) -> Plan:
     features = {
         'slides': any(link.slide for link in links),
         'branches': len({link.carrier for link in links}) < len(links),
+        'bent links': any(link.offset.imag or link.moment.imag for link in links),   # gamma, eta
         'gravity': chain.gravity != 0,
         'armature': any(joint.armature > 0.0 for joint in chain.joints),
         **{law.name: any(map(law.acts_on, chain.joints)) for law in JOINT_FORCES},

@@ -1,17 +1,27 @@
-"""What each feature of a scene costs where it is present: eight rods without it and with it, in turns."""
+"""
+What each feature of a scene costs where it is present: eight rods without it and with it, in turns.
+
+And what it costs where it is absent: this kernel against one compiled without it, on the same plain scene.
+"""
 from __future__ import annotations
 
+import ctypes
 from dataclasses import replace
+from pathlib import Path
+import sys
 from typing import Callable, Iterator, Optional
 
 import numpy as np
 
 from .cpu_time import interleaved
+from .peers.compiled import compile_shared, Missing
 from .problems import Problem, uniform_rods
 from .step_time import own_evaluations
 from .work_precision import own_integration
 from ..chain import Body, Chain, Joint
-from ..plan import plan_of
+from ..path_matrix import merge_welded
+from ..plan import kernel_arrays, plan_of
+from ..simulation import initial_state
 
 COLUMNS = ('feature', 'in the plan', 'evaluation, ns: without', 'evaluation, ns: with',
            'saved by its absence, ns: median', 'saved by its absence, ns: min', 'RK4 tick, ns: without',
@@ -82,8 +92,60 @@ def _loops(chain: Chain) -> list[Optional[Callable[[int], None]]]:
     return [own_evaluations(chain)['auto'], ticks if run else None]
 
 
+# Plain scenes, each of which another part of the kernel evaluates.
+PLAIN = {'4 rods, dense form': lambda: uniform_rods(4, gravity=0j, bend=0.2),
+         '8 rods, recursion of serial chains': lambda: uniform_rods(LINKS, gravity=0j, bend=0.2),
+         '8 rods that branch, recursion of trees': lambda: FEATURES['branches'][0](
+             uniform_rods(LINKS, gravity=0j, bend=0.2))}
+
+
+class Build:
+    """The kernel compiled for this comparison, `bare` without slides, armature and joint laws; Missing."""
+
+    def __init__(self, bare: bool):
+        kernel = Path(__file__).resolve().parent.parent / 'kernel'
+        headers = sorted(kernel.glob('*.hpp'))
+        if not headers:
+            raise Missing('the kernel is installed without its sources')
+        self._library = compile_shared(
+            Path(__file__).with_name('kernel_loop.cpp'), ['-ffp-contract=off', '-fno-fast-math', '-pthread'] + [
+                '-DPLANAR_CHAIN_BARE'] * bare, headers=headers)
+        self._library.make.restype = ctypes.c_void_p
+        for function in (self._library.evaluate, self._library.roll):
+            function.restype = ctypes.c_double
+
+    def loops(self, chain: Chain) -> list[Callable[[int], None]]:
+        """Return loops of evaluations and of RK4 ticks of a chain without joint laws."""
+        topology, numbers = kernel_arrays(chain, merge_welded(chain)[0])
+        gravity = np.array([chain.gravity.real, chain.gravity.imag])
+        position, velocity = initial_state(chain)
+        scene = ctypes.c_void_p(self._library.make(
+            topology.ctypes, numbers.ctypes, len(topology), gravity.ctypes, chain.joint_count,
+            int(plan_of(chain).form == 'dense'), ctypes.c_double(STEP)))
+
+        def looped(function):
+            return lambda count: function(scene, position.ctypes, velocity.ctypes, ctypes.c_long(count)) and None
+        return [looped(self._library.evaluate), looped(self._library.roll)]
+
+
+def _absences(quick: bool) -> Iterator[tuple]:
+    """Yield a row per plain scene: the build without all that it lacks, and the one with everything."""
+    try:
+        builds = [Build(bare) for bare in (True, False)]
+    except Missing as reason:
+        print(f'not measured: the kernel against a bare build: {reason}', file=sys.stderr)
+        return
+    for name, plain in PLAIN.items():
+        (evaluate, tick), (evaluate_all, tick_all) = (build.loops(plain()) for build in builds)
+        times = [seconds * 1e9 for seconds in interleaved(
+            [evaluate, evaluate_all, tick, tick_all], 3 if quick else 3 * ROUNDS, name, budget=2.0)]
+        middle, low = [np.median(t) for t in times], [t.min() for t in times]
+        yield (f'all absent: {name}', 'against a build without slides, armature and joint laws', *middle[:2],
+               middle[1] - middle[0], low[1] - low[0], *middle[2:], middle[3] - middle[2], low[3] - low[2], None)
+
+
 def rows(peers: dict, quick: bool = False) -> Iterator[tuple]:
-    """Yield a row of COLUMNS per feature, each against the plain scene measured in the same turns."""
+    """Yield a row of COLUMNS per feature, each against the plain scene measured in the same turns; then the absences."""
     plain = uniform_rods(LINKS, gravity=0j, bend=0.2)
     for name, (add, zero) in list(FEATURES.items())[:4] if quick else FEATURES.items():
         chains = [plain, add(plain)] + ([zero(plain)] if zero else [])
@@ -99,3 +161,4 @@ def rows(peers: dict, quick: bool = False) -> Iterator[tuple]:
             ticks = [a, b, b - a, (low[-1] - low[-2]) / STEPS]
         yield (name, ', '.join(sorted(new)), middle[0], middle[1], middle[1] - middle[0], low[1] - low[0], *ticks,
                middle[2] if zero else None)
+    yield from _absences(quick)

@@ -9,6 +9,14 @@
 
 namespace planar_chain {
 
+// `benchmark skipping` compares with a build that knows plain rotations and nothing else, no slide, rotor or joint law:
+// so it measures what each of these costs a scene that lacks it.
+#ifdef PLANAR_CHAIN_BARE
+constexpr bool bare = true;
+#else
+constexpr bool bare = false;
+#endif
+
 template <class Real>
 struct LinkOf {
   int carrier = 0;                        // slot of the carrier; slot 0 is the base
@@ -28,7 +36,11 @@ struct LinkOf {
       &LinkOf::offset_x, &LinkOf::offset_y, &LinkOf::axis_x, &LinkOf::axis_y, &LinkOf::rotor, &LinkOf::slide_armature};
 
   bool has_branches = false;              // carries a link that is not the next one
-  bool has_rotor = false;                 // armature on the rotation
+  bool with_rotor = false;                     // armature on the rotation
+
+  bool slides() const { return !bare && slide >= 0; }
+  bool turns() const { return bare || rotation >= 0; }
+  bool has_rotor() const { return !bare && with_rotor; }
 };
 
 template <class Real>
@@ -42,7 +54,7 @@ struct ChainOf {
   void find_features() {
     for (int i = 1; i <= link_count(); ++i) {
       if (links[i].carrier != i - 1) links[links[i].carrier].has_branches = true;
-      links[i].has_rotor = links[i].rotor > 0.0;
+      links[i].with_rotor = links[i].rotor > 0.0;
     }
   }
 

@@ -24,7 +24,7 @@ class DenseOf final : public WideForm<DenseOf<Real>, Real> {
       : chain_(chain), count_(chain.joint_count), angle_of_(chain.links.size(), -1), state_(chain.links.size()),
         matrix_(std::size_t(count_) * count_), unknown_(count_), inverse_(count_) {
     for (int i = 1; i <= chain.link_count(); ++i)
-      angle_of_[i] = chain.links[i].rotation >= 0 ? chain.links[i].rotation : angle_of_[chain.links[i].carrier];
+      angle_of_[i] = chain.links[i].turns() ? chain.links[i].rotation : angle_of_[chain.links[i].carrier];
   }
 
   int evaluate(const Real* position, const Real* velocity, const Real* effort, Real* acceleration) {
@@ -56,13 +56,13 @@ class DenseOf final : public WideForm<DenseOf<Real>, Real> {
       const LinkState& p = state_[link.carrier];
       LinkState& s = state_[i];
       s.angle = p.angle, s.rate = p.rate;
-      if (link.rotation >= 0) {
+      if (link.turns()) {
         s.angle += link.sign * position[link.rotation];
         s.rate += link.sign * velocity[link.rotation];
       }
       sine_cosine(s.angle, s.sine, s.cosine);
       s.lever = rotate(link.offset_x, link.offset_y, p.cosine, p.sine);
-      if (link.slide >= 0) {
+      if (link.slides()) {
         s.slide_axis = rotate(link.axis_x, link.axis_y, p.cosine, p.sine);
         s.lever = s.lever + position[link.slide] * s.slide_axis;
       }
@@ -86,7 +86,7 @@ class DenseOf final : public WideForm<DenseOf<Real>, Real> {
       const LinkState& p = state_[link.carrier];
       LinkState& s = state_[i];
       s.acceleration = p.acceleration - (p.rate * p.rate) * s.lever;
-      if (link.slide >= 0) s.acceleration = s.acceleration + (2.0 * velocity[link.slide] * p.rate) * perp(s.slide_axis);
+      if (link.slides()) s.acceleration = s.acceleration + (2.0 * velocity[link.slide] * p.rate) * perp(s.slide_axis);
       s.force = link.mass * s.acceleration - (s.rate * s.rate) * s.moment;
     }
     for (int i = chain_.link_count(); i >= 1; --i) {
@@ -95,12 +95,12 @@ class DenseOf final : public WideForm<DenseOf<Real>, Real> {
       const int own = angle_of_[i], carrier = angle_of_[link.carrier];
       if (own >= 0) unknown_[own] -= dot(perp(s.moment), s.acceleration);  // (5.87), m c u^ . a
       if (carrier >= 0) unknown_[carrier] -= dot(perp(s.lever), s.force);  // (5.87), (r a^ + x b^) . F
-      if (link.rotation >= 0) {
+      if (link.turns()) {
         const Real torque = link.sign * effort[link.rotation];
         unknown_[own] += torque;
         if (carrier >= 0) unknown_[carrier] -= torque;
       }
-      if (link.slide >= 0) unknown_[link.slide] += effort[link.slide] - dot(s.slide_axis, s.force);  // (5.88)
+      if (link.slides()) unknown_[link.slide] += effort[link.slide] - dot(s.slide_axis, s.force);  // (5.88)
       if (link.carrier != 0) state_[link.carrier].force = state_[link.carrier].force + s.force;
     }
   }
@@ -114,11 +114,11 @@ class DenseOf final : public WideForm<DenseOf<Real>, Real> {
       const int own = angle_of_[j], carrier = angle_of_[link.carrier];
       if (own >= 0) entry(own, own) += link.inertia;
       if (carrier >= 0) entry(carrier, carrier) += link.outboard_mass * dot(s.lever, s.lever);
-      if (link.has_rotor) {  // S I_a S^T, equations.md 6.3
+      if (link.has_rotor()) {  // S I_a S^T, equations.md 6.3
         entry(own, own) += link.rotor;
         if (carrier >= 0) entry(carrier, carrier) += link.rotor, entry(own, carrier) -= link.rotor;
       }
-      if (link.slide >= 0) {
+      if (link.slides()) {
         entry(link.slide, link.slide) += link.outboard_mass + link.slide_armature;
         if (own >= 0) entry(own, link.slide) += dot(perp(s.first_moment), s.slide_axis);
       }
@@ -136,11 +136,11 @@ class DenseOf final : public WideForm<DenseOf<Real>, Real> {
       const Real shared = dot(state_[u].lever, s.first_moment);  // H_ij = R_u . D_j
       entry(own, other) += own == other ? 2.0 * shared : shared;
     }
-    if (link.slide >= 0 && other >= 0)  // (j K_iv) . chi_v with K_iv = M_v R_u
+    if (link.slides() && other >= 0)  // (j K_iv) . chi_v with K_iv = M_v R_u
       entry(other, link.slide) += link.outboard_mass * dot(perp(state_[u].lever), s.slide_axis);
-    if (inner.slide >= 0 && own >= 0)  // with K_jv = D_j
+    if (inner.slides() && own >= 0)  // with K_jv = D_j
       entry(own, inner.slide) += dot(perp(s.first_moment), t.slide_axis);
-    if (inner.slide >= 0 && link.slide >= 0)  // M_vw chi_v . chi_w
+    if (inner.slides() && link.slides())  // M_vw chi_v . chi_w
       entry(link.slide, inner.slide) += link.outboard_mass * dot(s.slide_axis, t.slide_axis);
   }
 
@@ -150,12 +150,12 @@ class DenseOf final : public WideForm<DenseOf<Real>, Real> {
     for (int i = chain_.link_count(); i >= 1; --i) {
       const Link& link = chain_.links[i];
       LinkState& s = state_[i];
-      Real passed = link.rotation < 0 ? s.scale : Real(0.0);  // of a group or through a rotor
-      if (link.rotation >= 0) {
+      Real passed = !link.turns() ? s.scale : Real(0.0);  // of a group or through a rotor
+      if (link.turns()) {
         if (eliminate(link.rotation, s.scale + link.rotor)) return link.rotation;
-        if (link.has_rotor) passed = link.rotor * inverse_[link.rotation] * s.scale;
+        if (link.has_rotor()) passed = link.rotor * inverse_[link.rotation] * s.scale;
       }
-      if (link.slide >= 0 && eliminate(link.slide, Real(link.outboard_mass + link.slide_armature))) return link.slide;
+      if (link.slides() && eliminate(link.slide, Real(link.outboard_mass + link.slide_armature))) return link.slide;
       state_[link.carrier].scale += link.outboard_mass * dot(s.lever, s.lever) + passed;
     }
     return -1;
@@ -185,7 +185,7 @@ class DenseOf final : public WideForm<DenseOf<Real>, Real> {
     }
     for (int i = 1; i <= chain_.link_count(); ++i) {
       const Link& link = chain_.links[i];
-      if (link.rotation < 0) continue;
+      if (!link.turns()) continue;
       const int carrier = angle_of_[link.carrier];
       const Real turned = unknown_[link.rotation];
       acceleration[link.rotation] = link.sign * (carrier >= 0 ? turned - unknown_[carrier] : turned);

@@ -12,7 +12,7 @@
 namespace planar_chain {
 
 template <int N, class Real>
-class UnrolledDenseOf final : public WideForm<UnrolledDenseOf<N, Real>, Real> {
+class alignas(64) UnrolledDenseOf final : public WideForm<UnrolledDenseOf<N, Real>, Real> {
  public:
   explicit UnrolledDenseOf(const ChainOf<Real>& chain) : gravity_x_(chain.gravity_x), gravity_y_(chain.gravity_y) {
     for (int i = 0; i < N; ++i) {

@@ -33,7 +33,10 @@ std::unique_ptr<FormOf<Real>> make_form(const ChainOf<Real>& chain, bool dense) 
   if (dense) return nullptr;
   if (serial) return std::make_unique<SerialRecursionOf<Real>>(chain);
   if (chain.refined) return std::make_unique<RefinedRecursionOf<Real>>(chain);
-  return std::make_unique<RecursionOf<Real>>(chain);
+  for (int i = 1; i <= chain.link_count(); ++i)
+    if (!chain.links[i].turns() || chain.links[i].slides() || chain.links[i].has_rotor())
+      return std::make_unique<RecursionOf<Real>>(chain);
+  return std::make_unique<RecursionOf<Real, true>>(chain);
 }
 
 }  // namespace planar_chain

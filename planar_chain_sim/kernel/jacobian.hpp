@@ -39,8 +39,8 @@ class Jacobian {
     }
     for (int i = 1; i <= chain_.link_count(); ++i) {
       const Link& link = chain_.links[i];
-      if (link.rotation >= 0) mass[at(link.rotation, link.rotation)] += link.rotor;
-      if (link.slide >= 0) mass[at(link.slide, link.slide)] += link.slide_armature;
+      if (link.turns()) mass[at(link.rotation, link.rotation)] += link.rotor;
+      if (link.slides()) mass[at(link.slide, link.slide)] += link.slide_armature;
     }
     for (const auto& law : forces_.dampers) by_velocity[at(law.joint, law.joint)] += law.damping;
     for (const auto& law : forces_.springs) by_position[at(law.joint, law.joint)] += law.stiffness;
@@ -75,7 +75,7 @@ class Jacobian {
       s.angle = p.angle, s.rate = p.rate, s.angular = p.angular;
       s.lever = rotate(link.offset_x, link.offset_y, p.cosine, p.sine);
       Vec gain;
-      if (link.slide >= 0) {
+      if (link.slides()) {
         const double speed = velocity[link.slide];
         s.axis = rotate(link.axis_x, link.axis_y, p.cosine, p.sine);
         s.lever = s.lever + position[link.slide] * s.axis;
@@ -84,9 +84,9 @@ class Jacobian {
         gain = acceleration[link.slide] * s.axis + speed * s.sliding;
       }
       s.velocity = p.velocity + p.rate * perp(s.lever);
-      if (link.slide >= 0) s.velocity = s.velocity + velocity[link.slide] * s.axis;
+      if (link.slides()) s.velocity = s.velocity + velocity[link.slide] * s.axis;
       s.acceleration = p.acceleration + p.angular * perp(s.lever) - (p.rate * p.rate) * s.lever + gain;
-      if (link.rotation >= 0) {
+      if (link.turns()) {
         s.angle += link.sign * position[link.rotation];
         s.rate += link.sign * velocity[link.rotation];
         s.angular += link.sign * acceleration[link.rotation];
@@ -120,7 +120,7 @@ class Jacobian {
   void couple(int i, int j, Vec reach) {
     const Link &outer = chain_.links[i], &inner = chain_.links[j];
     const Motion &s = links_[i], &p = links_[j];
-    if (outer.rotation >= 0) {
+    if (outer.turns()) {
       const int k = outer.rotation;
       set(mass, inner, p, k, outer.sign, reach, {perp(s.moment), s.inertia});
       set(by_position, inner, p, k, outer.sign, reach,
@@ -128,7 +128,7 @@ class Jacobian {
       set(by_velocity, inner, p, k, outer.sign, reach,
           {2.0 * perp(s.momentum - s.mass * s.velocity), 2.0 * (s.moment_of_velocity - dot(s.moment, s.velocity))});
     }
-    if (outer.slide >= 0) {
+    if (outer.slides()) {
       const int k = outer.slide;
       Effect effect = uniform(s, s.slid);
       if (i != j) effect.torque += dot(perp(s.axis), s.force);  // the force's own lever grows
@@ -137,14 +137,14 @@ class Jacobian {
       set(mass, inner, p, k, 1.0, reach, uniform(s, s.axis));
     }
     if (i == j) return;
-    if (inner.rotation >= 0) {
+    if (inner.turns()) {
       const int k = inner.rotation;
       set(by_position, outer, s, k, inner.sign, Vec{},
           {-s.mass * perp(p.acceleration), -dot(s.moment, p.acceleration)});
       set(by_velocity, outer, s, k, inner.sign, Vec{},
           {2.0 * perp(s.momentum - s.mass * p.velocity), 2.0 * (s.moment_of_velocity - dot(s.moment, p.velocity))});
     }
-    if (inner.slide >= 0) {
+    if (inner.slides()) {
       set(by_position, outer, s, inner.slide, 1.0, Vec{}, uniform(s, p.slid));
       set(by_velocity, outer, s, inner.slide, 1.0, Vec{}, uniform(s, p.sliding));
     }
@@ -159,9 +159,9 @@ class Jacobian {
   // Column `column`, of a coordinate that turns by `sign`, in the rows of link's joints, P_j = P_i - reach.
   void set(std::vector<double>& matrix, const Link& link, const Motion& motion, int column, double sign, Vec reach,
            Effect effect) {
-    if (link.rotation >= 0)
+    if (link.turns())
       matrix[at(link.rotation, column)] = sign * link.sign * (effect.torque + dot(perp(reach), effect.force));
-    if (link.slide >= 0) matrix[at(link.slide, column)] = sign * dot(motion.axis, effect.force);
+    if (link.slides()) matrix[at(link.slide, column)] = sign * dot(motion.axis, effect.force);
   }
 
   const Chain& chain_;

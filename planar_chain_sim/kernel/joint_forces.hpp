@@ -4,6 +4,7 @@
 
 #include <vector>
 
+#include "chain.hpp"
 #include "lanes.hpp"
 
 namespace planar_chain {
@@ -52,8 +53,12 @@ struct JointForcesOf {
   std::vector<LimitOf<Real>> limits;
   std::vector<StopOf<Real>> stops;
 
+  // Whether any of them depends on the state.
+  bool passive() const { return !bare && !(dampers.empty() && springs.empty() && frictions.empty()); }
+
   // tau += -d theta' - k (theta - theta_0) - tau_c sgn(theta')   (equations.md 4)
   void add_passive(const Real* position, const Real* velocity, Real* effort) const {
+    if constexpr (bare) return;
     for (const auto& law : dampers) effort[law.joint] -= law.damping * velocity[law.joint];
     for (const auto& law : springs) effort[law.joint] -= law.stiffness * (position[law.joint] - law.rest);
     for (const auto& law : frictions) {
@@ -64,6 +69,7 @@ struct JointForcesOf {
 
   // The actuator gives at most its limit, to either side.
   void clamp(Real* effort) const {
+    if constexpr (bare) return;
     for (const auto& law : limits) {
       Real& u = effort[law.joint];
       const Real upper = law.limit, lower = -law.limit;
@@ -83,6 +89,7 @@ struct JointForcesOf {
 
   // First joint beyond one of its stops, -1 if none.
   int beyond_stop(const Real* position) const {
+    if constexpr (bare) return -1;
     for (const auto& law : stops)
       if (any(is_beyond(law, position))) return law.joint;
     return -1;

@@ -46,7 +46,7 @@ inline std::unique_ptr<Integrator> make_taylor(const MethodData& data, const Cha
   if (!unrolled || chain.joint_count > 8)
     return std::make_unique<TaylorRecursive>(chain, forces, step, data.order, data.tolerance, data.fixed);
   int angles = 0;
-  for (const Link& link : chain.links) angles += link.rotation >= 0;
+  for (const Link& link : chain.links) angles += link.turns();
   return angles < chain.joint_count ? make_taylor_dense<true, 2, 4, 6, 8>(data, chain, forces, step, angles)
                                     : make_taylor_dense<false, 2, 4, 6, 8>(data, chain, forces, step, angles);
 }

@@ -6,6 +6,7 @@
 #include <limits>
 #include <vector>
 
+#include "cache_lines.hpp"
 #include "chain.hpp"
 #include "form.hpp"
 #include "trigonometry.hpp"
@@ -84,7 +85,8 @@ struct LinkStateOf {
 // A pivot at or below this fraction of its scale is no pivot: equations.md 7, "Guard".
 constexpr double singular_pivot = 100.0 * std::numeric_limits<double>::epsilon();
 
-template <class Real>
+// `Plain`: every link turns and does nothing else, as in trees of rotations without armature.
+template <class Real, bool Plain = false>
 class RecursionOf final : public FormOf<Real> {
   using Vec = VecOf<Real>;
   using Sym = SymOf<Real>;
@@ -129,16 +131,16 @@ class RecursionOf final : public FormOf<Real> {
         bias = bias + s.branches.bias, torque += s.branches.torque;
         s.branches = Outboard{};
       }
-      const bool three = link.rotation < 0 || link.has_rotor;
+      const bool three = !turns(link) || has_rotor(link);
       Real reaction = 0.0;
-      if (link.rotation >= 0) {
+      if (turns(link)) {
         reaction = link.sign * effort[link.rotation];
         torque += reaction;
         s.turn_torque = torque;
         bias = bias + (s.turn_inverse * torque) * s.turn_row;
         torque *= link.rotor * s.turn_inverse;
       }
-      if (link.slide >= 0) {
+      if (slides(link)) {
         const Real nu = effort[link.slide] - dot(s.slide_axis, bias);
         s.slide_known = s.slide_inverse * nu;
         torque -= nu * s.slide_coupling;
@@ -178,6 +180,10 @@ class RecursionOf final : public FormOf<Real> {
   void energy(const Real* position, const Real* velocity, Real& kinetic, Real& potential);
 
  private:
+  static bool slides(const Link& link) { return !Plain && link.slides(); }
+  static bool turns(const Link& link) { return Plain || link.turns(); }
+  static bool has_rotor(const Link& link) { return !Plain && link.has_rotor(); }
+
   Vec against_gravity() const { return {-chain_.gravity_x, -chain_.gravity_y}; }
 
   // Absolute angles and rates by prefix sums, phi = P^T theta, and the unit vectors e^(j phi).
@@ -188,7 +194,7 @@ class RecursionOf final : public FormOf<Real> {
     for (int i = 1; i <= n; ++i) {
       const Link& link = chain_.links[i];
       if (link.carrier != i - 1) angle = angle_[link.carrier], rate = state_[link.carrier].rate;
-      if (link.rotation >= 0) {
+      if (turns(link)) {
         angle += link.sign * position[link.rotation];
         rate += link.sign * velocity[link.rotation];
       }
@@ -209,7 +215,7 @@ class RecursionOf final : public FormOf<Real> {
     for (int i = 1; i <= chain_.link_count(); ++i) {
       const Link& link = chain_.links[i];
       Real high = angle_[link.carrier], low = low_[link.carrier], rate = state_[link.carrier].rate;
-      if (link.rotation >= 0) {
+      if (turns(link)) {
         const Real turned = link.sign * position[link.rotation], sum = high + turned, back = sum - high;
         low += ((high - (sum - back)) + (turned - back)) + link.sign * remainder[link.rotation];
         high = sum;
@@ -226,12 +232,12 @@ class RecursionOf final : public FormOf<Real> {
     LinkState& s = state_[i];
     const Real carrier_rate = state_[link.carrier].rate;
     s.lever = rotate(link.offset_x, link.offset_y, cosine_[link.carrier], sine_[link.carrier]);
-    if (link.slide >= 0) {
+    if (slides(link)) {
       s.slide_axis = rotate(link.axis_x, link.axis_y, cosine_[link.carrier], sine_[link.carrier]);
       s.lever = s.lever + position[link.slide] * s.slide_axis;
     }
     s.carried = (-carrier_rate * carrier_rate) * s.lever;  // k_i
-    if (link.slide >= 0) s.carried = s.carried + (2.0 * velocity[link.slide] * carrier_rate) * perp(s.slide_axis);
+    if (slides(link)) s.carried = s.carried + (2.0 * velocity[link.slide] * carrier_rate) * perp(s.slide_axis);
     s.moment = rotate(link.moment_x, link.moment_y, cosine_[i], sine_[i]);
   }
 
@@ -267,9 +273,9 @@ class RecursionOf final : public FormOf<Real> {
     Real inertia = link.inertia + sum.inertia, torque = sum.torque, scale = link.inertia + sum.scale;
     Real reaction = 0.0;  // what the joint's own effort does to the carrier
     // Three components (h, I, t) go on to a carrier whose angle is the link's own or which a rotor couples to it.
-    const bool three = link.rotation < 0 || link.has_rotor;
+    const bool three = !turns(link) || has_rotor(link);
 
-    if (link.rotation >= 0) {  // (1) own angle
+    if (turns(link)) {  // (1) own angle
       const Real pivot = inertia + link.rotor;
       if (this->stops_at(pivot > singular_pivot * (scale + link.rotor))) return link.rotation;
       reaction = link.sign * effort[link.rotation];
@@ -287,7 +293,7 @@ class RecursionOf final : public FormOf<Real> {
       }
     }
 
-    if (link.slide >= 0) {  // (2) slide
+    if (slides(link)) {  // (2) slide
       const Vec y = a * s.slide_axis;
       const Real pivot = dot(s.slide_axis, y) + link.slide_armature;
       const Real least = singular_pivot * (link.outboard_mass + link.slide_armature);
@@ -337,12 +343,12 @@ class RecursionOf final : public FormOf<Real> {
         linear = state_[link.carrier].acceleration, angular = state_[link.carrier].angular_acceleration;
       if (moving) linear = linear + s.carried;
       linear = linear + angular * perp(s.lever);
-      if (link.slide >= 0) {
+      if (slides(link)) {
         const Real slide = s.slide_known - dot(s.slide_row, linear) - s.slide_coupling * angular;
         linear = linear + slide * s.slide_axis;
         acceleration[link.slide] = slide;
       }
-      if (link.rotation >= 0) {
+      if (turns(link)) {
         const Real turned = (s.turn_torque - dot(s.turn_row, linear) + link.rotor * angular) * s.turn_inverse;
         acceleration[link.rotation] = link.sign * (turned - angular);
         angular = turned;
@@ -357,9 +363,9 @@ class RecursionOf final : public FormOf<Real> {
     LinkState& s = state_[i];
     const LinkState& p = state_[link.carrier];
     s.angular_acceleration = p.angular_acceleration;
-    if (link.rotation >= 0) s.angular_acceleration += link.sign * acceleration[link.rotation];
+    if (turns(link)) s.angular_acceleration += link.sign * acceleration[link.rotation];
     s.acceleration = p.acceleration + p.angular_acceleration * perp(s.lever) + s.carried;
-    if (link.slide >= 0) s.acceleration = s.acceleration + acceleration[link.slide] * s.slide_axis;
+    if (slides(link)) s.acceleration = s.acceleration + acceleration[link.slide] * s.slide_axis;
     s.force = link.mass * s.acceleration + s.angular_acceleration * perp(s.moment) - (s.rate * s.rate) * s.moment;
     s.torque_carried = link.inertia * s.angular_acceleration + dot(perp(s.moment), s.acceleration);
   }
@@ -368,9 +374,9 @@ class RecursionOf final : public FormOf<Real> {
   void balance(int i, const Real* acceleration, Real* effort) {
     const Link& link = chain_.links[i];
     const LinkState& s = state_[i];
-    if (link.rotation >= 0)
+    if (turns(link))
       effort[link.rotation] = link.sign * s.torque_carried + link.rotor * acceleration[link.rotation];
-    if (link.slide >= 0)
+    if (slides(link))
       effort[link.slide] = dot(s.slide_axis, s.force) + link.slide_armature * acceleration[link.slide];
     if (link.carrier == 0) return;
     LinkState& p = state_[link.carrier];
@@ -382,14 +388,14 @@ class RecursionOf final : public FormOf<Real> {
 
   const ChainOf<Real>& chain_;
   std::vector<LinkState> state_;
-  std::vector<Real> angle_, sine_, cosine_;  // phi_i, e^(j phi_i); slot 0 is the base, the last block is padded
+  AlignedVector<Real> angle_, sine_, cosine_;  // phi_i, e^(j phi_i); slot 0 is the base, the last block is padded
   std::vector<Real> low_;                    // what phi_i is beyond double precision, where that is known
 };
 
 using Recursion = RecursionOf<double>;
 
-template <class Real>
-void RecursionOf<Real>::energy(const Real* position, const Real* velocity, Real& kinetic, Real& potential) {
+template <class Real, bool Plain>
+void RecursionOf<Real, Plain>::energy(const Real* position, const Real* velocity, Real& kinetic, Real& potential) {
   turn(position, velocity);
   kinetic = potential = 0.0;
   std::vector<Vec> place_of(state_.size()), velocity_of(state_.size());  // r_i, v_i
@@ -399,12 +405,12 @@ void RecursionOf<Real>::energy(const Real* position, const Real* velocity, Real&
     const LinkState& s = state_[i];
     const LinkState& p = state_[link.carrier];
     Vec w = p.rate * perp(s.lever);
-    if (link.slide >= 0) {
+    if (slides(link)) {
       const Real rate = velocity[link.slide];
       w = w + rate * s.slide_axis;
       kinetic += 0.5 * link.slide_armature * rate * rate;
     }
-    if (link.rotation >= 0) kinetic += 0.5 * link.rotor * velocity[link.rotation] * velocity[link.rotation];
+    if (turns(link)) kinetic += 0.5 * link.rotor * velocity[link.rotation] * velocity[link.rotation];
     place_of[i] = place_of[link.carrier] + s.lever;
     velocity_of[i] = velocity_of[link.carrier] + w;  // (5.56)
     const Vec v = velocity_of[i];

@@ -22,7 +22,7 @@ class SerialRecursionOf final : public WideForm<SerialRecursionOf<Real>, Real> {
   static bool holds_for(const ChainOf<Real>& chain) {
     for (int i = 1; i <= chain.link_count(); ++i) {
       const LinkOf<Real>& link = chain.links[i];
-      if (link.carrier != i - 1 || link.rotation < 0 || link.slide >= 0 || link.has_rotor) return false;
+      if (link.carrier != i - 1 || !link.turns() || link.slides() || link.has_rotor()) return false;
     }
     return true;
   }
@@ -173,8 +173,7 @@ class SerialRecursionOf final : public WideForm<SerialRecursionOf<Real>, Real> {
   const int count_, padded_;  // links; the same rounded up to whole vectors
   const int stride_;          // an odd number of cache lines, so that the rows of a long chain do not collide
   const Real gravity_x_, gravity_y_;
-  std::vector<Real> constants_;
-  std::vector<Real> state_;
+  AlignedVector<Real> constants_, state_;
 };
 
 using SerialRecursion = SerialRecursionOf<double>;

@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "cache_lines.hpp"
 #include "integrators.hpp"
 
 namespace planar_chain {
@@ -66,7 +67,7 @@ class Stages {
       rate[i] = base.velocity[i] + (step * sum[joints_ + i] + base.velocity_remainder[i]);
       effort_[i] = actuator[i];
     }
-    forces_.add_passive(position_.data(), rate, effort_.data());
+    if (forces_.passive()) forces_.add_passive(position_.data(), rate, effort_.data());
     joint = form_.forward(position_.data(), rate, effort_.data(), acceleration);
     return joint < 0 ? Outcome::good : singular_or_not_finite(position_.data(), joints_);
   }
@@ -86,7 +87,7 @@ class Stages {
   Form& form_;
   const JointForces& forces_;
   const int joints_, stride_;
-  std::vector<double> rows_, sum_, position_, effort_;
+  AlignedVector<double> rows_, sum_, position_, effort_;
 };
 
 class ExplicitRungeKutta final : public FixedStep {

@@ -230,7 +230,7 @@ class StatesInLanes {
 
   void run() {
     const auto& forces = constants_.forces;
-    const bool passive = !forces.dampers.empty() || !forces.springs.empty() || !forces.frictions.empty();
+    const bool passive = forces.passive();
     for (std::int64_t k = 0; k < repeats_; ++k)
       for (std::size_t at = 0; at < position_.size(); at += joints_) {
         const Real* effort = &given_[at];

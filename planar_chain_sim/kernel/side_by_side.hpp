@@ -24,7 +24,7 @@ inline bool same_joints(const std::vector<Law>& some, const std::vector<Law>& ot
 }
 inline bool same_make(const Scene& one, const Scene& other) {
   const auto same_link = [](const Link& a, const Link& b) {
-    return a.carrier == b.carrier && a.slide == b.slide && a.rotation == b.rotation && a.has_rotor == b.has_rotor;
+    return a.carrier == b.carrier && a.slide == b.slide && a.rotation == b.rotation && a.with_rotor == b.with_rotor;
   };
   const std::vector<Link>&some = one.chain->links, &others = other.chain->links;
   const JointForces &acting = *one.forces, &there = *other.forces;
@@ -60,7 +60,7 @@ struct SideBySide {
       const Link& from = one.links[k];
       LinkOf<Real>& link = chain.links[k];
       link.carrier = from.carrier, link.slide = from.slide, link.rotation = from.rotation;
-      link.has_branches = from.has_branches, link.has_rotor = from.has_rotor;
+      link.has_branches = from.has_branches, link.with_rotor = from.with_rotor;
       set_lane(link, i, from);
     }
     set_lane(forces.dampers, i, scene.forces->dampers), set_lane(forces.springs, i, scene.forces->springs);

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "adaptive.hpp"
+#include "cache_lines.hpp"
 #include "chain.hpp"
 
 namespace planar_chain {
@@ -70,7 +71,7 @@ class Taylor : public AdaptiveStep {
   double* velocity(int k) { return &velocity_[static_cast<std::size_t>(k) * stride_]; }
 
   const int order_, joints_, stride_;
-  std::vector<double> velocity_;         // joint rates, a row for each order
+  AlignedVector<double> velocity_;        // joint rates, a row for each order
   std::vector<double> effort_, inverse_;  // inverse_[k] = 1 / k
 
  private:

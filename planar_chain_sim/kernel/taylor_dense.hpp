@@ -64,11 +64,11 @@ class TaylorDense final : public Taylor {
     for (int i = 1; i <= n; ++i) {
       const Link& link = chain_.links[i];
       const int below = angle_[i] = angle_[link.carrier];
-      if (link.slide >= 0) {
+      if (link.slides()) {
         const int w = slide_[i] = s.slides++;
         s.rides_on[w] = below, slide_joint_[w] = link.slide;
       }
-      if (link.rotation >= 0) {
+      if (link.turns()) {
         const int a = angle_[i] = s.angles++;
         s.carrier[a] = below, joint_[a] = link.rotation, sign_[a] = link.sign;
       }
@@ -90,7 +90,7 @@ class TaylorDense final : public Taylor {
       const Link& link = chain_.links[k];
       std::vector<Complex>& arm = arms[k] = arms[link.carrier];
       if (const int p = angle_[link.carrier]; p >= 0) arm[p] += Complex(link.offset_x, link.offset_y);
-      if (link.slide >= 0) arm[s.angles + slide_[k]] += Complex(link.axis_x, link.axis_y);
+      if (link.slides()) arm[s.angles + slide_[k]] += Complex(link.axis_x, link.axis_y);
       std::vector<Complex> reach(count);       // m_k C_ak
       const int own = angle_[k];
       const Complex moment(link.moment_x, link.moment_y);
@@ -101,12 +101,12 @@ class TaylorDense final : public Taylor {
           coupling[a][b] += std::conj(arm[a]) * reach[b] + (a == own ? std::conj(moment) * arm[b] : 0.0);
       }
       if (own >= 0) s.inertia[own].of[own] += link.inertia;
-      if (link.rotation >= 0) {                // S I_a S^T
+      if (link.turns()) {                // S I_a S^T
         s.inertia[own].of[own] += link.rotor;
         if (const int p = s.carrier[own]; p >= 0)
           s.inertia[p].of[p] += link.rotor, s.inertia[p].of[own] -= link.rotor, s.inertia[own].of[p] -= link.rotor;
       }
-      if (link.slide >= 0) s.slide_inertia[slide_[k]] += link.slide_armature;
+      if (link.slides()) s.slide_inertia[slide_[k]] += link.slide_armature;
     }
     for (int a = 0; a < s.angles; ++a) {       // |C_aa|^2 turns with nothing
       s.inertia[a].of[a] += coupling[a][a].real(), coupling[a][a] = 0.0;

@@ -33,7 +33,7 @@ class TaylorRecursive final : public Taylor {
         force_y_(lanes_), linear_x_(lanes_), linear_y_(lanes_), angular_(lanes_) {
     unit_x_[0] = 1.0;  // the base
     for (int i = 1; i <= chain.link_count(); ++i)
-      if (chain.links[i].slide >= 0) slides_.emplace_back(i, order);
+      if (chain.links[i].slides()) slides_.emplace_back(i, order);
   }
 
  protected:
@@ -60,8 +60,8 @@ class TaylorRecursive final : public Taylor {
         : link(index), place(order + 3), arm_x(order + 3), arm_y(order + 3), force_x(order + 1), force_y(order + 1) {}
   };
 
-  static std::vector<double> rows(int orders, int lanes) { return std::vector<double>(std::size_t(orders) * lanes); }
-  double* row(std::vector<double>& series, int k) { return &series[static_cast<std::size_t>(k) * lanes_]; }
+  static AlignedVector<double> rows(int orders, int lanes) { return AlignedVector<double>(std::size_t(orders) * lanes); }
+  double* row(AlignedVector<double>& series, int k) { return &series[static_cast<std::size_t>(k) * lanes_]; }
 
   // Coefficients of order 0, and E_1.
   void begin(const JointState& base) {
@@ -140,7 +140,7 @@ class TaylorRecursive final : public Taylor {
     }
     for (int i = chain_.link_count(); i >= 1; --i) {  // tau = P N
       const Link& link = chain_.links[i];
-      if (link.rotation >= 0) effort_[link.rotation] -= link.sign * torque_[i];
+      if (link.turns()) effort_[link.rotation] -= link.sign * torque_[i];
       torque_[link.carrier] += torque_[i];
     }
     recursion_.respond(effort_.data(), response_.data());
@@ -164,7 +164,7 @@ class TaylorRecursive final : public Taylor {
     for (int i = 1; i <= chain_.link_count(); ++i) {
       const Link& link = chain_.links[i];
       angular_[i] = angular_[link.carrier];
-      if (link.rotation >= 0) angular_[i] += link.sign * response_[link.rotation];
+      if (link.turns()) angular_[i] += link.sign * response_[link.rotation];
     }
     const double inverse = 1.0 / (k + 2), share = 1.0 / (k + 1);
     for (int i = 0; i < lanes_; ++i) {
@@ -202,7 +202,7 @@ class TaylorRecursive final : public Taylor {
       const int p = link.carrier;
       linear_x_[i] = linear_x_[p] + (link.offset_x * bend_x_[p] - link.offset_y * bend_y_[p]);
       linear_y_[i] = linear_y_[p] + (link.offset_x * bend_y_[p] + link.offset_y * bend_x_[p]);
-      if (link.slide >= 0) {
+      if (link.slides()) {
         const SlideSeries& slide = series_of(i);
         linear_x_[i] += link.axis_x * slide.bend_x - link.axis_y * slide.bend_y;
         linear_y_[i] += link.axis_x * slide.bend_y + link.axis_y * slide.bend_x;
@@ -218,7 +218,7 @@ class TaylorRecursive final : public Taylor {
       force_x_[p] += force_x_[i], force_y_[p] += force_y_[i];
       gx[p] += link.offset_x * force_x_[i] + link.offset_y * force_y_[i];
       gy[p] += link.offset_x * force_y_[i] - link.offset_y * force_x_[i];
-      if (link.slide >= 0) {
+      if (link.slides()) {
         SlideSeries& slide = series_of(i);
         slide.force_x[k] = link.axis_x * force_x_[i] + link.axis_y * force_y_[i];
         slide.force_y[k] = link.axis_x * force_y_[i] - link.axis_y * force_x_[i];
@@ -237,8 +237,8 @@ class TaylorRecursive final : public Taylor {
   Recursion recursion_;
   const int lanes_;
   std::vector<double> response_;                                      // joint accelerations of one order
-  std::vector<double> rate_, unit_x_, unit_y_, pull_x_, pull_y_;      // links, a row for each order: phi', E, G
-  std::vector<double> bend_x_, bend_y_, turn_x_, turn_y_, torque_, force_x_, force_y_, linear_x_, linear_y_, angular_;
+  AlignedVector<double> rate_, unit_x_, unit_y_, pull_x_, pull_y_;      // links, a row for each order: phi', E, G
+  AlignedVector<double> bend_x_, bend_y_, turn_x_, turn_y_, torque_, force_x_, force_y_, linear_x_, linear_y_, angular_;
   std::vector<SlideSeries> slides_;
 };
 

@@ -15,9 +15,11 @@ class Missing(Exception):
     """A peer that cannot take part: the reason, one clause."""
 
 
-def compile_shared(source: Path, flags: list[str], libraries: list[str] = ()) -> ctypes.CDLL:
+def compile_shared(source: Path, flags: list[str], libraries: list[str] = (), headers: list[Path] = ()) -> ctypes.CDLL:
     """
     Return `source` compiled with $CXX, -O3 and no machine flags, as a peer's own users get it; kept for the next run.
+
+    `headers` of ours that it includes: it is compiled anew where they changed.
 
     The folder is $XDG_CACHE_HOME/planar_chain_sim, by default ~/.cache/planar_chain_sim. Missing: no compiler, or it
     refuses.
@@ -27,7 +29,8 @@ def compile_shared(source: Path, flags: list[str], libraries: list[str] = ()) ->
         raise Missing(f'there is no C++ compiler {compiler[0]}')
     command = [*compiler, '-std=c++17', '-O3', '-DNDEBUG', '-fPIC', '-shared', '-fvisibility=hidden', *flags]
     version = subprocess.run([*compiler, '--version'], capture_output=True).stdout
-    key = sha256(source.read_bytes() + version + '\n'.join([*command, *libraries]).encode()).hexdigest()[:16]
+    text = b''.join(path.read_bytes() for path in (source, *headers))
+    key = sha256(text + version + '\n'.join([*command, *libraries]).encode()).hexdigest()[:16]
     folder = Path(os.environ.get('XDG_CACHE_HOME') or Path.home() / '.cache', 'planar_chain_sim')
     library = folder / f'{source.stem}-{key}.so'
     if not library.exists():
