@@ -20,9 +20,9 @@ COLUMNS = ('library', 'method', 'kind', 'setting', 'largest energy error / range
 DURATION = 1000          # s, sampled once a second
 RUNS = 12                # the first from the named angles, the others a little apart
 # `growth`: the slope of log(root mean square over the runs of the error) against log t
-BUDGET = 15.0            # s of CPU time per row, after which there are fewer runs
+BUDGET = 6.0             # s of CPU time per row, after which there are fewer runs
 FIXED_STEPS = {1: (1e-3,), 2: (1e-3,), 4: (1e-3, 2.5e-4), 6: (5e-3, 2.5e-3), 8: (5e-3, 2.5e-3)}   # by order, s
-TOLERANCES = (1e-9, 1e-12, 1e-15, 1e-16)
+TOLERANCES = (1e-9, 1e-12, 1e-15, 1e-17)
 
 
 def _scenes(count: int) -> list[Chain]:
