@@ -19,11 +19,11 @@ _WHY = (None, 'the configuration is singular', 'the state ran away and would not
 
 
 # In the order of `enum class EventKind` (kernel/events.hpp).
-EVENT_KINDS = ('stop touched', 'stop left', 'stuck', 'slipped')
+EVENT_KINDS = ('stop_touched', 'stop_left', 'stuck', 'slipped')
 
 
 class JointEvent(NamedTuple):
-    """At `time`, s, behind tick `tick`: one of EVENT_KINDS at a joint; `speed`, rad/s or m/s, that met a stop."""
+    """One of EVENT_KINDS at a joint, at `time`, s, behind tick `tick`; `speed`, rad/s or m/s, with which it met a stop."""
 
     tick: int
     time: float
@@ -48,7 +48,7 @@ def initial_state(chain: Chain) -> tuple[np.ndarray, np.ndarray]:
 
 
 def refuse_beyond_stops(chain: Chain, position: np.ndarray) -> None:
-    """ValueError names the first joint of positions (..., joints) that lies beyond one of its stops."""
+    """Raise ValueError that names the first joint of positions (..., joints) that lies beyond one of its stops."""
     for index, joint in enumerate(chain.joints):
         beyond = position[..., index][(position[..., index] < joint.lower) | (position[..., index] > joint.upper)]
         if beyond.size:
@@ -160,7 +160,7 @@ class Simulation:
         return dict(zip(('evaluations', 'steps', 'rejected_steps', 'events'), self._stepper.counts))
 
     def take_events(self) -> list[JointEvent]:
-        """Stops touched and left, joints stuck and slipped since the last call, in order; the newest 4096 are kept."""
+        """Return stops touched and left, joints stuck and slipped since the last call, in order; at most 4096 are kept."""
         return [JointEvent(tick, tick * self.step + offset, EVENT_KINDS[kind], self.chain.joint_names[joint], speed)
                 for tick, offset, kind, joint, speed in self._stepper.take_events()]
 
