@@ -23,7 +23,7 @@ EVENT_KINDS = ('stop_touched', 'stop_left', 'stuck', 'slipped')
 
 
 class JointEvent(NamedTuple):
-    """One of EVENT_KINDS at a joint, at `time`, s, behind tick `tick`; `speed`, rad/s or m/s, with which it met a stop."""
+    """One of EVENT_KINDS at a joint, at `time`, s, behind tick `tick`; `speed`, rad/s or m/s, of meeting a stop."""
 
     tick: int
     time: float
@@ -160,7 +160,7 @@ class Simulation:
         return dict(zip(('evaluations', 'steps', 'rejected_steps', 'events'), self._stepper.counts))
 
     def take_events(self) -> list[JointEvent]:
-        """Return stops touched and left, joints stuck and slipped since the last call, in order; at most 4096 are kept."""
+        """Return stops touched and left, joints stuck and slipped since the last call; at most 4096 are kept."""
         return [JointEvent(tick, tick * self.step + offset, EVENT_KINDS[kind], self.chain.joint_names[joint], speed)
                 for tick, offset, kind, joint, speed in self._stepper.take_events()]
 
