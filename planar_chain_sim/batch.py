@@ -12,7 +12,7 @@ from .chain import Chain
 from .dynamics import joint_array
 from .integrators import method_data, METHODS
 from .plan import plan_of
-from .simulation import initial_state, Simulation, stop_error, whole_ticks
+from .simulation import initial_state, refuse_beyond_stops, Simulation, stop_error, whole_ticks
 
 
 @dataclass(frozen=True)
@@ -63,6 +63,11 @@ def rollout_batch(chain: Union[Chain, Sequence[Chain]], position=None, velocity=
     scenes = _scene_count({'chain': len(chains), **{name: len(values) for name, values in given.items()}})
     position, velocity = (np.ascontiguousarray(np.broadcast_to(given[name], (scenes, joints)))
                           for name in ('position', 'velocity'))
+    if len(chains) == 1:
+        refuse_beyond_stops(chains[0], position)
+    else:
+        for each, row in zip(chains, position):
+            refuse_beyond_stops(each, row)
     reached, rate, acted, done, outcome, joint = _kernel.roll_batch(
         [(plan_of(each.chain).model, each.form == 'dense', method_data(METHODS[each.method], each.tolerance))
          for each in simulations],

@@ -33,6 +33,7 @@ class Joint:
     effort_limit: float = inf   # N m or N
     lower: float = -inf         # stops, rad or m
     upper: float = inf
+    restitution: float = 0.0    # of the stops: speed after an impact per speed before
     position: float = 0.0       # initial state
     velocity: float = 0.0
 

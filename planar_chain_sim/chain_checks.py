@@ -24,6 +24,7 @@ JOINT_NUMBERS = {  # key: (default, least value, unit of a slide, unit of a rota
     'effort_limit': (inf, 0.0, 'N', 'N m'),
     'lower': (-inf, None, 'm', 'rad'),
     'upper': (inf, None, 'm', 'rad'),
+    'restitution': (0.0, 0.0, '', ''),
     'position': (0.0, None, 'm', 'rad'),
     'velocity': (0.0, None, 'm/s', 'rad/s'),
 }
@@ -149,6 +150,8 @@ def read_joint(body, kind, body_name, owners) -> Optional[Joint]:
         if axis not in (1.0, -1.0):
             section.fail('axis', f'is {axis!r}, must be 1 (counter-clockwise) or -1 (clockwise)')
     joint = Joint(name, kind, axis, **numbers)
+    if joint.restitution > 1.0:
+        section.fail('restitution', f'is {joint.restitution!r}, must be from 0 to 1')
     if not joint.lower < joint.upper:
         section.fail('lower', f"is {joint.lower!r}, must be below 'upper', {joint.upper!r}")
     if not joint.lower <= joint.position <= joint.upper:

@@ -72,4 +72,4 @@ def teach_kernel(model, chain: Chain) -> None:
         if joint.effort_limit < inf:
             model.add_limit(index, joint.effort_limit)
         if has_stop(joint):
-            model.add_stop(index, joint.lower, joint.upper)
+            model.add_stop(index, joint.lower, joint.upper, joint.restitution)

@@ -2,21 +2,34 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Optional
+from typing import NamedTuple, Optional
 
 import numpy as np
 
 from . import _kernel
 from .chain import Chain
-from .dynamics import forward_dynamics, joint_array, resolve_form, SimulationError
+from .dynamics import joint_array, resolve_form, SimulationError
 from .integrators import choose_method, DEFAULT_TOLERANCE, method_data, METHODS, STIFF, taylor_order, UNROLLED_SERIES
 from .plan import damping_rate, plan_of
 
 # Outcomes of the kernel's step, in the order of `enum class Outcome` (kernel/integrators.hpp).
 _WHY = (None, 'the configuration is singular', 'the state ran away and would not be finite',
-        'the joint reached a stop, which this version does not simulate yet',
         'the steps that the tolerance asks for have become too short to be taken',
         'the step is too long for the iteration that solves it')
+
+
+# In the order of `enum class EventKind` (kernel/events.hpp).
+EVENT_KINDS = ('stop_touched', 'stop_left', 'stuck', 'slipped')
+
+
+class JointEvent(NamedTuple):
+    """One of EVENT_KINDS at a joint, at `time`, s, behind tick `tick`; `speed`, rad/s or m/s, of meeting a stop."""
+
+    tick: int
+    time: float
+    kind: str
+    joint: str
+    speed: float
 
 
 @dataclass(frozen=True)
@@ -32,6 +45,15 @@ def initial_state(chain: Chain) -> tuple[np.ndarray, np.ndarray]:
     """`position` and `velocity` of the chain file, (joints,) each."""
     return (np.array([joint.position for joint in chain.joints], dtype=np.float64),
             np.array([joint.velocity for joint in chain.joints], dtype=np.float64))
+
+
+def refuse_beyond_stops(chain: Chain, position: np.ndarray) -> None:
+    """Raise ValueError that names the first joint of positions (..., joints) that lies beyond one of its stops."""
+    for index, joint in enumerate(chain.joints):
+        beyond = position[..., index][(position[..., index] < joint.lower) | (position[..., index] > joint.upper)]
+        if beyond.size:
+            raise ValueError(f"position of joint '{joint.name}' of {chain.name} is {float(beyond.flat[0])!r}, must lie "
+                             f'between its stops, {joint.lower!r} and {joint.upper!r}')
 
 
 def resolve_method(chain: Chain, method: str, tolerance: Optional[float]):
@@ -63,7 +85,7 @@ class Simulation:
     A chain that moves tick by tick: tick k is at k * step, the effort is constant within a tick.
 
     `step` s; `tolerance` belongs to adaptive methods; `form` as in forward_dynamics, one of the compiled.
-    ValueError: bad method, step, tolerance or form; a chain with Coulomb friction, whose sticking is not simulated yet.
+    ValueError: bad method, step, tolerance or form.
     """
 
     def __init__(self, chain: Chain, method: str = 'auto', step: float = 1e-3, tolerance: Optional[float] = None,
@@ -73,10 +95,6 @@ class Simulation:
         if form == 'reference':
             raise ValueError("form is 'reference', must be 'auto', 'dense' or 'recursive': "
                              'only compiled forms are integrated')
-        sticky = next((joint.name for joint in chain.joints if joint.friction > 0.0), None)
-        if sticky is not None:
-            raise ValueError(f"joint '{sticky}' of {chain.name} has `friction`, "
-                             'whose sticking this version does not simulate yet')
         self.chain, self.step = chain, float(step)
         self._row, self.tolerance = resolve_method(chain, method, tolerance)
         self.method, self._asked = self._row.name, method
@@ -126,14 +144,25 @@ class Simulation:
 
     @property
     def acceleration(self) -> np.ndarray:
-        """Joint accelerations (joints,) at this state under `effort`, computed when asked for, rad/s^2 or m/s^2."""
-        return forward_dynamics(self.chain, self.position, self.velocity, self.effort)
+        """
+        Joint accelerations (joints,) at this state under `effort`, computed when asked for, rad/s^2 or m/s^2.
+
+        Zero where a joint sticks or rests on a stop. SimulationError: singular configuration.
+        """
+        acceleration, joint = self._stepper.acceleration()
+        if joint >= 0:
+            raise self._error(1, joint)
+        return acceleration
 
     @property
     def statistics(self) -> dict:
         """Counts since the start: evaluations, steps, rejected steps, events."""
-        evaluations, steps, rejected_steps = self._stepper.counts
-        return {'evaluations': evaluations, 'steps': steps, 'rejected_steps': rejected_steps, 'events': 0}
+        return dict(zip(('evaluations', 'steps', 'rejected_steps', 'events'), self._stepper.counts))
+
+    def take_events(self) -> list[JointEvent]:
+        """Return stops touched and left, joints stuck and slipped since the last call; at most 4096 are kept."""
+        return [JointEvent(tick, tick * self.step + offset, EVENT_KINDS[kind], self.chain.joint_names[joint], speed)
+                for tick, offset, kind, joint, speed in self._stepper.take_events()]
 
     @property
     def plan(self) -> str:
@@ -148,19 +177,21 @@ class Simulation:
         """
         Put joint positions and velocities (joints,); time is unchanged, hidden round-off terms are cleared.
 
-        ValueError: bad arrays.
+        ValueError: bad arrays, a position beyond a stop.
         """
         if not self._stepper.put_state(position, velocity):  # not yet what the kernel takes
             shape = (self.chain.joint_count,)
-            self._stepper.put_state(joint_array('position', position, shape), joint_array('velocity', velocity, shape))
+            position = joint_array('position', position, shape)
+            refuse_beyond_stops(self.chain, position)
+            self._stepper.put_state(position, joint_array('velocity', velocity, shape))
 
     def advance(self, ticks: int, effort=None, record: Optional[tuple] = None) -> None:
         """
         Go on for `ticks` ticks under `effort`, N m or N: (joints,) is held, (ticks, joints) a row per tick, None zero.
 
         `record`: three C-ordered float64 arrays (ticks, joints) that take position, velocity and acted effort of each
-        tick. ValueError: bad count, shape or value, before anything moves. SimulationError: singular, not finite or at
-        a stop; the last good state stays.
+        tick. ValueError: bad count, shape or value, before anything moves. SimulationError: singular or not finite; the
+        last good state stays.
         """
         stopped = self._stepper.advance(self.time, self._tick, ticks, effort, record)
         if stopped is False:  # not yet what the kernel takes

@@ -147,26 +147,25 @@ def test_last_states_alone(method):
 
 
 def thin_chain():
-    """Return a massless link, singular where the next one is in a row with it; another joint has a stop."""
-    def body(carrier, name, mass, origin, lower=-np.inf):
+    """Return a massless link, singular where the next one is in a row with it, and a link beside them."""
+    def body(carrier, name, mass, origin):
         return Body(name, carrier, origin, 0.0, mass, complex(mass), float(mass), 0.0, None,
-                    Joint(name, 'rotation', 1.0, lower=lower))
-    return Chain('thin', 0j, (body(-1, 'a', 0.0, 0j), body(0, 'b', 1.0, 1.0 + 0j), body(-1, 'c', 1.0, 0j, -1.0)))
+                    Joint(name, 'rotation', 1.0))
+    return Chain('thin', 0j, (body(-1, 'a', 0.0, 0j), body(0, 'b', 1.0, 1.0 + 0j), body(-1, 'c', 1.0, 0j)))
 
 
 @pytest.mark.parametrize('scenes', [5, 8, 19])
 def test_a_scene_that_fails_leaves_the_others_alone(scenes):
-    """One starts in a singular configuration, one reaches a stop, one runs away; the rest go on."""
+    """One starts in a singular configuration, one runs away; the rest go on."""
     chain = thin_chain()
     position, velocity, effort = states(chain, scenes)
     position[:, 1], position[:, 2] = 1.5, 0.0
     velocity *= 0.1
     position[0, 1] = 0.0
-    velocity[2, 2] = -95.0
     velocity[scenes - 1, 0] = 1e200
     batch = pcs.rollout_batch(chain, position, velocity, effort, duration=TICKS * 1e-3, method='rk4')
-    assert sorted(batch.failures) == [0, 2, scenes - 1]
-    assert [batch.ticks[k] for k in batch.failures] == [0, 10, 0]
+    assert sorted(batch.failures) == [0, scenes - 1]
+    assert [batch.ticks[k] for k in batch.failures] == [0, 0]
     assert np.isfinite(batch.position).all() and np.isfinite(batch.velocity).all()
     assert_equal_to_single_runs(batch, chain, 'rk4', position, velocity, effort)
     last = pcs.rollout_batch(chain, position, velocity, effort, duration=TICKS * 1e-3, method='rk4', every_tick=False)

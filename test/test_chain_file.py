@@ -11,7 +11,8 @@ from planar_chain_sim.chain_yaml import chain_from_text
 ABOVE_ZERO = 'a number >= 0'
 KG_M2 = 'kg m^2 about the joint point'
 BODY_KEYS = 'name, carrier, origin, angle, mass, center_of_mass, inertia, inertia_com, slide, rotation, visual'
-JOINT_KEYS = 'joint, axis, damping, stiffness, rest, friction, armature, effort_limit, lower, upper, position, velocity'
+JOINT_KEYS = ('joint, axis, damping, stiffness, rest, friction, armature, effort_limit, lower, upper, restitution, '
+              'position, velocity')
 AN_EARLIER = "must be 'base' or the name of an earlier body"
 AXIS = 'must be 1 (counter-clockwise) or -1 (clockwise)'
 SINGULAR = 'which makes the mass matrix singular in every configuration because'

@@ -110,7 +110,7 @@ def test_no_evaluation_is_thrown_away(row):
     for tick, dense in ((1e-4, True), (TIME, False)):
         stepper = stepper_of(row, tick)
         stepper.advance(0.0, 0, round(TIME / tick), None, None)
-        evaluations, steps, rejected = stepper.counts
+        evaluations, steps, rejected, _ = stepper.counts
         extra = len(row.dense_a) * (steps if dense else 1)
         in_rejected = len(row.b) - 1 + (row is DOPRI5)
         assert evaluations == 2 + len(row.b) * steps + in_rejected * rejected + extra

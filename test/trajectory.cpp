@@ -60,7 +60,7 @@ int main() {
   const std::vector<double> effort = numbers();
 
   const auto form = pc::make_form<double>(chain, dense);
-  const auto integrator = pc::make_integrator(method, chain, *form, forces, step, dense);
+  const auto integrator = pc::make_motion(method, chain, *form, forces, step, dense);
   std::vector<double> acted(effort.size()), latched(effort.size());
   const std::int64_t ticks = integer();
   const pc::Progress progress =

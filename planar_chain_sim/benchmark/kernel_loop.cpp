@@ -40,7 +40,7 @@ EXPORTED void* make(const int* topology, const double* numbers, int links, const
   rk4.tableau.a = {0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0};
   rk4.tableau.b = {1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0};
   scene->form = pc::make_form<double>(chain, dense != 0);
-  scene->integrator = pc::make_integrator(rk4, chain, *scene->form, scene->forces, step, dense != 0);
+  scene->integrator = pc::make_motion(rk4, chain, *scene->form, scene->forces, step, dense != 0);
   return scene.release();
 }
 

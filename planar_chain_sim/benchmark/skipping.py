@@ -145,7 +145,7 @@ def _absences(quick: bool) -> Iterator[tuple]:
 
 
 def rows(peers: dict, quick: bool = False) -> Iterator[tuple]:
-    """Yield a row of COLUMNS per feature, each against the plain scene measured in the same turns; then the absences."""
+    """Yield a row of COLUMNS per feature, each against the plain scene in the same turns; then the absences."""
     plain = uniform_rods(LINKS, gravity=0j, bend=0.2)
     for name, (add, zero) in list(FEATURES.items())[:4] if quick else FEATURES.items():
         chains = [plain, add(plain)] + ([zero(plain)] if zero else [])

@@ -2,6 +2,7 @@
 // anew only where the effort's bits or the state changed, so that the motion does not depend on how calls are cut.
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <cstring>
 #include <vector>
@@ -35,7 +36,7 @@ inline double rough_power_of_2(double x) {
 // x^(1/n) for x >= 0, within 1 %.
 inline double rough_root(double x, int n) { return x > 0.0 ? rough_power_of_2(rough_log2(x) / n) : 0.0; }
 
-class AdaptiveStep : public Integrator {
+class AdaptiveStep : public Motion {
  public:
   AdaptiveStep(const JointForces& forces, int joints, double tick_length)
       : forces_(forces), tick_length_(tick_length), running_(joints), base_(joints), next_(joints) {}
@@ -47,16 +48,10 @@ class AdaptiveStep : public Integrator {
     while (progress.ticks < ticks) {
       std::int64_t covered = progress.ticks + 1;
       if (covers(since_origin(tick + covered))) {
-        // With nothing to be looked at in between, go for the last tick that the present step covers.
-        if (forces_.stops.empty()) covered = last_covered(tick, ticks);
+        covered = last_covered(tick, ticks);
         progress.outcome = open(base_, progress.joint);
         if (progress.outcome != Outcome::good) break;
         read_at(since_origin(tick + covered), next_);
-        progress.joint = forces_.beyond_stop(next_.position.data());
-        if (progress.joint >= 0) {
-          progress.outcome = Outcome::beyond_stop;
-          break;
-        }
         std::swap(state, next_);
         progress.ticks = covered;
         continue;
@@ -75,11 +70,30 @@ class AdaptiveStep : public Integrator {
     if (progress.outcome == Outcome::good) progress.outcome = open(base_, progress.joint);
     if (progress.outcome != Outcome::good) return true;
     read_at(wanted, next_);
-    progress.joint = forces_.beyond_stop(next_.position.data());
-    if (progress.joint >= 0) progress.outcome = Outcome::beyond_stop;
-    else std::swap(state, next_);
+    std::swap(state, next_);
     return true;
   }
+
+  double look(std::int64_t tick, double offset, double limit, const JointState& state, const double* actuator,
+              Progress& progress) override {
+    prepare(static_cast<double>(tick) * tick_length_ + offset, tick, state, actuator);
+    if (length_ == 0.0) origin_offset_ = offset;   // not what is left of it in the sum
+    shown_from_ = since_origin(tick);
+    double end;
+    while (!((end = (from_ + length_) - shown_from_) > offset)) {
+      progress.outcome = extend(progress.joint);
+      if (progress.outcome != Outcome::good) return offset;
+    }
+    progress.outcome = open(base_, progress.joint);
+    return std::fmin(limit, end);
+  }
+
+  Outcome show(double offset, JointState& out, int&) override {
+    read_at(shown_from_ + offset, out);
+    return Outcome::good;
+  }
+
+  double stride() const override { return length_; }
 
   void forget() override { under_way_ = false; }
 
@@ -176,7 +190,7 @@ class AdaptiveStep : public Integrator {
   std::int64_t origin_ = 0;      // tick at or behind which steps began
   double origin_offset_ = 0.0;   // s, how far behind
   double from_ = 0.0, from_low_ = 0.0, length_ = 0.0;  // s from there, where the present step starts; its length
-  double proposal_ = 0.0;
+  double proposal_ = 0.0, shown_from_ = 0.0;
   bool under_way_ = false;
 };
 

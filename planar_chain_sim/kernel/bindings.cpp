@@ -4,6 +4,7 @@
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 
+#include <algorithm>
 #include <cmath>
 #include <complex>
 #include <memory>
@@ -12,6 +13,7 @@
 #include <tuple>
 
 #include "chain.hpp"
+#include "events.hpp"
 #include "forms.hpp"
 #include "integrators.hpp"
 #include "jacobian.hpp"
@@ -241,6 +243,9 @@ class Stepper {
       for (py::ssize_t i = 0; i < array.size(); ++i)
         if (!std::isfinite(array.data()[i])) return false;
     }
+    const double* at = py::reinterpret_borrow<Array>(position).data();
+    for (const auto& stop : forces_.stops)
+      if (at[stop.joint] < stop.lower || at[stop.joint] > stop.upper) return false;
     set_state(py::reinterpret_borrow<Array>(position), py::reinterpret_borrow<Array>(velocity));
     return true;
   }
@@ -275,7 +280,32 @@ class Stepper {
   Array effort() const { return make_array(effort_); }
   py::tuple counts() const {
     const pc::Counts& counts = integrator_->counts;
-    return py::make_tuple(counts.evaluations, counts.steps, counts.rejected_steps);
+    return py::make_tuple(counts.evaluations, counts.steps, counts.rejected_steps, counts.events);
+  }
+
+  // Accelerations under the efforts that acted last, with what stands standing; -1, or the joint whose pivot vanished.
+  py::tuple acceleration() {
+    Array out(static_cast<py::ssize_t>(effort_.size()));
+    int joint;
+    if (auto* driven = dynamic_cast<pc::EventDriven*>(integrator_.get())) {
+      joint = driven->accelerate(state_, out.mutable_data());
+    } else {
+      latched_ = effort_;
+      forces_.add_passive(state_.position.data(), state_.velocity.data(), latched_.data());
+      joint = form_->forward(state_.position.data(), state_.velocity.data(), latched_.data(), out.mutable_data());
+    }
+    return py::make_tuple(out, joint);
+  }
+
+  // (tick, s behind it, kind, joint, speed) of each event since the last call, the newest few thousand.
+  py::list take_events() {
+    py::list taken;
+    if (auto* driven = dynamic_cast<pc::EventDriven*>(integrator_.get())) {
+      for (const pc::JointEvent& event : driven->events)
+        taken.append(py::make_tuple(event.tick, event.offset, static_cast<int>(event.kind), event.joint, event.speed));
+      driven->events.clear();
+    }
+    return taken;
   }
 
  private:
@@ -304,9 +334,11 @@ py::tuple roll_batch(const std::vector<std::tuple<Model*, bool, pc::MethodData*>
   if (effort.shape(1) > 1) batch.effort_tick_stride = static_cast<std::size_t>(batch.joints);
   if (effort.shape(0) > 1) batch.effort_scene_stride = static_cast<std::size_t>(effort.shape(1) * effort.shape(2));
   const pc::MethodData& first = *std::get<pc::MethodData*>(models.front());
-  if (first.family == "explicit Runge-Kutta" && !first.adaptive)
+  const bool smooth = std::none_of(batch.scenes.begin(), batch.scenes.end(),
+                                   [](const pc::Scene& scene) { return scene.forces->have_events(); });
+  if (smooth && first.family == "explicit Runge-Kutta" && !first.adaptive)
     batch.method = pc::LaneMethod::runge_kutta, batch.tableau = first.tableau;
-  if (first.family == "semi-implicit") batch.method = pc::LaneMethod::semi_implicit_euler;
+  if (smooth && first.family == "semi-implicit") batch.method = pc::LaneMethod::semi_implicit_euler;
   batch.single_run = [&](std::size_t i) {
     const pc::Scene& scene = batch.scenes[i];
     const pc::MethodData& method = *std::get<pc::MethodData*>(models[i]);
@@ -354,8 +386,8 @@ PYBIND11_MODULE(_kernel, module) {
         m.forces.frictions.push_back({joint, friction});
       })
       .def("add_limit", [](Model& m, int joint, double limit) { m.forces.limits.push_back({joint, limit}); })
-      .def("add_stop", [](Model& m, int joint, double lower, double upper) {
-        m.forces.stops.push_back({joint, lower, upper});
+      .def("add_stop", [](Model& m, int joint, double lower, double upper, double restitution) {
+        m.forces.stops.push_back({joint, lower, upper, restitution});
       })
       .def("forward_dynamics", &Model::forward_dynamics, py::arg("position"), py::arg("velocity"), py::arg("effort"),
            py::arg("dense") = false)
@@ -389,7 +421,9 @@ PYBIND11_MODULE(_kernel, module) {
       .def_property_readonly("position", &Stepper::position)
       .def_property_readonly("velocity", &Stepper::velocity)
       .def_property_readonly("effort", &Stepper::effort)
-      .def_property_readonly("counts", &Stepper::counts);
+      .def_property_readonly("counts", &Stepper::counts)
+      .def("acceleration", &Stepper::acceleration)
+      .def("take_events", &Stepper::take_events);
 
   module.def("roll_batch", &roll_batch);
   module.def("vector_widths", &pc::vector_widths);

@@ -16,7 +16,7 @@ namespace planar_chain {
 class Gauss final : public FixedStep {
  public:
   Gauss(Form& form, const JointForces& forces, int joints, const Tableau& tableau, double step)
-      : FixedStep(forces, joints), form_(form), step_(step), joints_(joints), stages_(tableau.stages), a_(tableau.a),
+      : FixedStep(forces, joints, step), form_(form), length_(step), joints_(joints), stages_(tableau.stages), a_(tableau.a),
         b_(tableau.b), a_position_(a_.size()), b_position_(b_.size()), node_(b_.size()),
         accelerations_(static_cast<std::size_t>(stages_) * joints), held_(joints), past_(2 * accelerations_.size()),
         position_(joints), velocity_(joints), effort_(joints), acceleration_(joints) {
@@ -46,7 +46,9 @@ class Gauss final : public FixedStep {
   }
 
  protected:
-  Outcome step(const JointState& state, const double* actuator, JointState& next, int& joint) override {
+  Outcome step(const JointState& state, const double* actuator, double length, JointState& next, int& joint) override {
+    if (length != tick_length_) known_ = 0;  // stages of whole steps say nothing of a part
+    length_ = length;
     Outcome outcome = guess(state, actuator, joint);
     if (outcome != Outcome::good) return outcome;
     double before = 0.0;
@@ -64,7 +66,7 @@ class Gauss final : public FixedStep {
       before = change;
     }
     finish(state, next);
-    keep(actuator);
+    if (length == tick_length_) keep(actuator);
     return Outcome::good;
   }
 
@@ -126,17 +128,17 @@ class Gauss final : public FixedStep {
           place += a_position_[i * stages_ + l] * row(accelerations_, l)[k];
           rate += a_[i * stages_ + l] * row(accelerations_, l)[k];
         }
-        const double turned = step_ * (node_[i] * state.velocity[k] + step_ * place);
+        const double turned = length_ * (node_[i] * state.velocity[k] + length_ * place);
         position_[k] = state.position[k] + (turned + state.position_remainder[k]);
-        velocity_[k] = state.velocity[k] + (step_ * rate + state.velocity_remainder[k]);
+        velocity_[k] = state.velocity[k] + (length_ * rate + state.velocity_remainder[k]);
       }
       const Outcome outcome = evaluate(position_.data(), velocity_.data(), actuator, joint);
       if (outcome != Outcome::good) return outcome;
       for (int k = 0; k < joints_; ++k) {
         double& kept = row(accelerations_, i)[k];
-        const double moved = step_ * std::fabs(acceleration_[k] - kept);
+        const double moved = length_ * std::fabs(acceleration_[k] - kept);
         if (!(moved <= change)) change = moved, worst_ = k;
-        increment = std::fmax(increment, step_ * std::fabs(acceleration_[k]));
+        increment = std::fmax(increment, length_ * std::fabs(acceleration_[k]));
         size = std::fmax(size, std::fmax(increment, std::fmax(std::fabs(position_[k]), std::fabs(velocity_[k]))));
         kept = acceleration_[k];
       }
@@ -161,10 +163,10 @@ class Gauss final : public FixedStep {
         rate += b_[l] * row(accelerations_, l)[k];
       }
       double coasted, lost;
-      add_compensated(state.position[k], state.position_remainder[k], step_ * state.velocity[k], coasted, lost);
-      add_compensated(coasted, lost, step_ * (step_ * place + state.velocity_remainder[k]), next.position[k],
+      add_compensated(state.position[k], state.position_remainder[k], length_ * state.velocity[k], coasted, lost);
+      add_compensated(coasted, lost, length_ * (length_ * place + state.velocity_remainder[k]), next.position[k],
                       next.position_remainder[k]);
-      add_compensated(state.velocity[k], state.velocity_remainder[k], step_ * rate, next.velocity[k],
+      add_compensated(state.velocity[k], state.velocity_remainder[k], length_ * rate, next.velocity[k],
                       next.velocity_remainder[k]);
     }
   }
@@ -172,7 +174,7 @@ class Gauss final : public FixedStep {
   static constexpr int most_rounds = 100, most_past = 2;
 
   Form& form_;
-  const double step_;
+  double length_;
   const int joints_, stages_;
   const std::vector<double> a_, b_;
   std::vector<double> a_position_, b_position_, node_;

@@ -27,7 +27,7 @@ inline void add_compensated(const Real& value, const Real& remainder, const Real
   sum = whole;
 }
 
-enum class Outcome { good, singular, not_finite, beyond_stop, stalled, too_long };
+enum class Outcome { good, singular, not_finite, stalled, too_long };
 
 struct Progress {
   std::int64_t ticks = 0;
@@ -36,7 +36,11 @@ struct Progress {
 };
 
 struct Counts {
-  std::int64_t evaluations = 0, steps = 0, rejected_steps = 0;
+  std::int64_t evaluations = 0, steps = 0, rejected_steps = 0, events = 0;
+
+  void add(const Counts& more) {
+    evaluations += more.evaluations, steps += more.steps, rejected_steps += more.rejected_steps, events += more.events;
+  }
 };
 
 // Pivots are made of squares of positions: where these overflow or are no numbers, no pivot can be judged.
@@ -79,19 +83,30 @@ class Integrator {
   virtual void load(const std::vector<double>&) { forget(); }
 };
 
-// One step a tick. step() changes the state only if the outcome is good; else `joint` is why.
-class FixedStep : public Integrator {
+// An integrator of smooth motion, which events may cut short (events.hpp).
+class Motion : public Integrator {
  public:
-  FixedStep(const JointForces& forces, int joints) : forces_(forces), next_(joints) {}
+  // The motion from `state`, `offset` s behind `tick`: up to which offset, at most `limit`, show() can tell where it is.
+  virtual double look(std::int64_t tick, double offset, double limit, const JointState& state, const double* actuator,
+                      Progress& progress) = 0;
+  virtual Outcome show(double offset, JointState& out, int& joint) = 0;
+
+  // s, of which the motion is much the same polynomial.
+  virtual double stride() const = 0;
+};
+
+// One step a tick. step() changes the state only if the outcome is good; else `joint` is why.
+class FixedStep : public Motion {
+ public:
+  FixedStep(const JointForces& forces, int joints, double tick_length)
+      : forces_(forces), tick_length_(tick_length), next_(joints), from_(joints), actuator_(joints) {}
 
   Progress advance(double, std::int64_t, std::int64_t ticks, JointState& state, const double* actuator) override {
     Progress progress;
     for (; progress.ticks < ticks; ++progress.ticks) {
-      progress.outcome = step(state, actuator, next_, progress.joint);
+      progress.outcome = step(state, actuator, tick_length_, next_, progress.joint);
       if (progress.outcome == Outcome::good && (progress.joint = first_not_finite(next_)) >= 0)
         progress.outcome = Outcome::not_finite;
-      if (progress.outcome == Outcome::good && (progress.joint = forces_.beyond_stop(next_.position.data())) >= 0)
-        progress.outcome = Outcome::beyond_stop;
       if (progress.outcome != Outcome::good) break;
       std::swap(state, next_);
       ++counts.steps;
@@ -99,13 +114,31 @@ class FixedStep : public Integrator {
     return progress;
   }
 
+  double look(std::int64_t /*tick*/, double offset, double limit, const JointState& state, const double* actuator,
+              Progress&) override {
+    from_ = state, offset_ = offset;
+    actuator_.assign(actuator, actuator + actuator_.size());
+    return limit;
+  }
+
+  Outcome show(double offset, JointState& out, int& joint) override {
+    ++counts.steps;
+    return step(from_, actuator_.data(), offset - offset_, out, joint);
+  }
+
+  double stride() const override { return tick_length_; }
+
  protected:
-  virtual Outcome step(const JointState& state, const double* actuator, JointState& next, int& joint) = 0;
+  // One step of `length` s.
+  virtual Outcome step(const JointState& state, const double* actuator, double length, JointState& next, int& joint) = 0;
 
   const JointForces& forces_;
+  const double tick_length_;
 
  private:
-  JointState next_;
+  JointState next_, from_;
+  std::vector<double> actuator_;
+  double offset_ = 0.0;
 };
 
 }  // namespace planar_chain

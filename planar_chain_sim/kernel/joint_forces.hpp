@@ -41,8 +41,8 @@ struct LimitOf {
 template <class Real>
 struct StopOf {
   int joint;
-  Real lower, upper;
-  static constexpr Real StopOf::* numbers[] = {&StopOf::lower, &StopOf::upper};
+  Real lower, upper, restitution;
+  static constexpr Real StopOf::* numbers[] = {&StopOf::lower, &StopOf::upper, &StopOf::restitution};
 };
 
 template <class Real>
@@ -87,25 +87,8 @@ struct JointForcesOf {
     return energy;
   }
 
-  // First joint beyond one of its stops, -1 if none.
-  int beyond_stop(const Real* position) const {
-    if constexpr (bare) return -1;
-    for (const auto& law : stops)
-      if (any(is_beyond(law, position))) return law.joint;
-    return -1;
-  }
-
-  // Which scenes have a joint beyond one of its stops.
-  Truth<Real> are_beyond_stop(const Real* position) const {
-    Truth<Real> beyond = 0;
-    for (const auto& law : stops) beyond = beyond | is_beyond(law, position);
-    return beyond;
-  }
-
- private:
-  static Truth<Real> is_beyond(const StopOf<Real>& law, const Real* position) {
-    return (position[law.joint] < law.lower) | (position[law.joint] > law.upper);
-  }
+  // Laws that do not act smoothly: events.hpp.
+  bool have_events() const { return !bare && !(stops.empty() && frictions.empty()); }
 };
 
 using JointForces = JointForcesOf<double>;

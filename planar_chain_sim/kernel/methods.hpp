@@ -30,9 +30,9 @@ struct MethodData {
 
 // The first of `Sizes`, rising, that the chain's angles fit into.
 template <bool Slides, int... Sizes>
-std::unique_ptr<Integrator> make_taylor_dense(const MethodData& data, const Chain& chain, const JointForces& forces,
+std::unique_ptr<Motion> make_taylor_dense(const MethodData& data, const Chain& chain, const JointForces& forces,
                                               double step, int angles) {
-  std::unique_ptr<Integrator> made;
+  std::unique_ptr<Motion> made;
   const auto make = [&](auto size) {
     if (made == nullptr && angles <= size)
       made = std::make_unique<TaylorDense<size, Slides>>(chain, forces, step, data.order, data.tolerance, data.fixed);
@@ -41,7 +41,7 @@ std::unique_ptr<Integrator> make_taylor_dense(const MethodData& data, const Chai
   return made;
 }
 
-inline std::unique_ptr<Integrator> make_taylor(const MethodData& data, const Chain& chain,
+inline std::unique_ptr<Motion> make_taylor(const MethodData& data, const Chain& chain,
                                             const JointForces& forces, double step, bool unrolled) {
   if (!unrolled || chain.joint_count > 8)
     return std::make_unique<TaylorRecursive>(chain, forces, step, data.order, data.tolerance, data.fixed);
@@ -51,7 +51,7 @@ inline std::unique_ptr<Integrator> make_taylor(const MethodData& data, const Cha
                                     : make_taylor_dense<false, 2, 4, 6, 8>(data, chain, forces, step, angles);
 }
 
-inline std::unique_ptr<Integrator> make_integrator(const MethodData& data, const Chain& chain, Form& form,
+inline std::unique_ptr<Motion> make_motion(const MethodData& data, const Chain& chain, Form& form,
                                                 const JointForces& forces, double step, bool dense) {
   const int joints = chain.joint_count;
   if (data.family == "taylor") return make_taylor(data, chain, forces, step, dense);

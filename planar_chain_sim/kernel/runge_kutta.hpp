@@ -93,22 +93,21 @@ class Stages {
 class ExplicitRungeKutta final : public FixedStep {
  public:
   ExplicitRungeKutta(Form& form, const JointForces& forces, int joints, const Tableau& tableau, double step)
-      : FixedStep(forces, joints), step_(step), a_(rows_of(tableau.a, tableau.stages)),
+      : FixedStep(forces, joints, step), a_(rows_of(tableau.a, tableau.stages)),
         b_(tableau.b, tableau.stages, 0), stages_(form, forces, joints, tableau.stages) {}
 
  protected:
-  Outcome step(const JointState& state, const double* actuator, JointState& next, int& joint) override {
+  Outcome step(const JointState& state, const double* actuator, double length, JointState& next, int& joint) override {
     for (int stage = 0; stage < static_cast<int>(a_.size()); ++stage) {
       ++counts.evaluations;
-      const Outcome outcome = stages_.evaluate(state, step_, a_[stage], actuator, stages_.row(stage), joint);
+      const Outcome outcome = stages_.evaluate(state, length, a_[stage], actuator, stages_.row(stage), joint);
       if (outcome != Outcome::good) return outcome;
     }
-    stages_.move(state, step_, b_, next);
+    stages_.move(state, length, b_, next);
     return Outcome::good;
   }
 
  private:
-  const double step_;
   const std::vector<Weights> a_;
   const Weights b_;
   Stages stages_;

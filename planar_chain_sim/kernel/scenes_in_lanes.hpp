@@ -114,7 +114,7 @@ class ScenesInLanes {
     Real nothing = 0.0;  // or no number, where one that is not finite meets itself
     for (std::size_t j = 0; j < joints_; ++j)
       nothing += (next_.position[j] - next_.position[j]) + (next_.velocity[j] - next_.velocity[j]);
-    return singular | (nothing != 0.0) | constants_.forces.are_beyond_stop(next_.position.data());
+    return singular | (nothing != 0.0);
   }
 
   // Accelerations under the actuators; tells which scenes have none.

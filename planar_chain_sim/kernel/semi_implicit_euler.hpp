@@ -10,29 +10,28 @@ namespace planar_chain {
 class SemiImplicitEuler final : public FixedStep {
  public:
   SemiImplicitEuler(Form& form, const JointForces& forces, int joints, double step)
-      : FixedStep(forces, joints), form_(form), step_(step), effort_(joints), acceleration_(joints) {}
+      : FixedStep(forces, joints, step), form_(form), effort_(joints), acceleration_(joints) {}
 
  protected:
   // v_1 = v_0 + h f(q_0, v_0),  q_1 = q_0 + h v_1
-  Outcome step(const JointState& state, const double* actuator, JointState& next, int& joint) override {
+  Outcome step(const JointState& state, const double* actuator, double length, JointState& next, int& joint) override {
     effort_.assign(actuator, actuator + effort_.size());
     forces_.add_passive(state.position.data(), state.velocity.data(), effort_.data());
     ++counts.evaluations;
     joint = form_.forward(state.position.data(), state.velocity.data(), effort_.data(), acceleration_.data());
     if (joint >= 0) return singular_or_not_finite(state.position.data(), static_cast<int>(effort_.size()));
     for (std::size_t i = 0; i < effort_.size(); ++i) {
-      add_compensated(state.velocity[i], state.velocity_remainder[i], step_ * acceleration_[i], next.velocity[i],
+      add_compensated(state.velocity[i], state.velocity_remainder[i], length * acceleration_[i], next.velocity[i],
                       next.velocity_remainder[i]);
       double coasted, lost;
-      add_compensated(state.position[i], state.position_remainder[i], step_ * next.velocity[i], coasted, lost);
-      add_compensated(coasted, lost, step_ * next.velocity_remainder[i], next.position[i], next.position_remainder[i]);
+      add_compensated(state.position[i], state.position_remainder[i], length * next.velocity[i], coasted, lost);
+      add_compensated(coasted, lost, length * next.velocity_remainder[i], next.position[i], next.position_remainder[i]);
     }
     return Outcome::good;
   }
 
  private:
   Form& form_;
-  const double step_;
   std::vector<double> effort_, acceleration_;
 };
 

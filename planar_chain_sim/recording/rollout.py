@@ -19,7 +19,7 @@ from ..chain_yaml import load_chain
 from ..command_line import Mistake, Parser, run_command
 from ..dynamics import joint_array, SimulationError
 from ..integrators import METHODS
-from ..simulation import Simulation, whole_ticks
+from ..simulation import JointEvent, Simulation, whole_ticks
 
 STATE_TOPIC, EVENTS_TOPIC = '/joint_states', '/simulator/events'   # what the node would publish them on
 CHUNK = 1000   # ticks between two looks at the progress bar and at Ctrl-C
@@ -55,14 +55,18 @@ class OfflineLog:
         """Append the event of a commanded effort (joints,) that acts from this tick on, if it differs from the last."""
         if effort.tobytes() != self._held.tobytes():
             self._held = effort.copy()
-            self._write_event(tick, 'command', effort=effort.tolist())
+            self._write_event(tick, 'command', None, effort=effort.tolist())
+
+    def write_joint_event(self, event: JointEvent) -> None:
+        """Append a stop touched or left, a joint stuck or slipped, at its time between two ticks."""
+        self._write_event(event.tick, event.kind, event.time, joint=event.joint, time=event.time, speed=event.speed)
 
     def write_divergence(self, error: SimulationError) -> None:
         """Append the event that ended the run."""
-        self._write_event(error.tick, 'divergence', message=str(error), joint=error.joint, time=error.time)
+        self._write_event(error.tick, 'divergence', None, message=str(error), joint=error.joint, time=error.time)
 
-    def _write_event(self, tick: int, kind: str, **data) -> None:
-        time = self._nanoseconds(tick)
+    def _write_event(self, tick: int, kind: str, at: Optional[float], **data) -> None:
+        time = self._nanoseconds(tick) if at is None else round(at * 1e9)
         event = encode_string(json.dumps({'tick': tick, 'kind': kind, 'data': data}))
         self._writer.write(EVENTS_TOPIC, event, time, time)
 
@@ -87,8 +91,11 @@ def roll_to_log(simulation: Simulation, ticks: int, effort: Optional[np.ndarray]
             simulation.advance(count, rows, record=(position[:count], velocity[:count], acted[:count]))
         except SimulationError as error:
             failure = error
+        events = simulation.take_events()
         for k in range(simulation.tick - first):
             log.write_command(first + k, rows[k])
+            while events and events[0].tick <= first + k:
+                log.write_joint_event(events.pop(0))
             log.write_state(first + k + 1, position[k], velocity[k], acted[k])
         show(simulation.tick - first)
         if failure:
