@@ -1,0 +1,88 @@
+"""What each term of an equation contributes at a state: which dominates, what could be neglected."""
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from .equations import Equations
+from .factors import State
+from .latex_document import WRITER as LATEX_WRITER
+from .notation import display_width, LATEX, SOFT_BREAK, TEXT
+from .terms import Equation, Term
+from .text_document import WRITER as TEXT_WRITER
+
+DIGITS = '{:.6g}'
+
+
+class Contribution(NamedTuple):
+    """A term's value as it stands in its equation, N m or N, and its share in the sum of all magnitudes, 0 to 1."""
+
+    term: Term
+    value: float
+    share: float
+
+
+def contributions(equation: Equation, state: State) -> list[Contribution]:
+    """Return the terms that are not zero at a state, largest first; equal ones as they stand in the equation."""
+    values = [(term, term.contribution(state)) for term in equation.terms]
+    total = sum(abs(value) for _, value in values)
+    return sorted((Contribution(term, value, abs(value) / total) for term, value in values if value != 0.0),
+                  key=lambda row: -abs(row.value))
+
+
+def term_text(term: Term, writer=TEXT_WRITER) -> str:
+    """Return a term with its sign on one line."""
+    sign, text = writer.term(term)
+    return ((writer.notation.minus if sign < 0 else '') + text).replace(SOFT_BREAK, ' ')
+
+
+def sides(equation: Equation, state: State) -> tuple[float, float]:
+    """Return the sums of the left and of the right side, N m or N: equal where the motion obeys the equation."""
+    left, right = (sum(term.contribution(state) for term in side) for side in (equation.left, equation.right))
+    return left, right
+
+
+def contributions_table(equations: Equations, chosen, state: State, title: str) -> str:
+    """Return the state and, for each equation, its terms by size, as text for a terminal."""
+    blocks = ['\n'.join(_state_lines(equations, state, title))]
+    for equation in chosen or equations:
+        coordinate, rows = equation.coordinate, contributions(equation, state)
+        left, right = (DIGITS.format(side) for side in sides(equation, state))
+        lines = [f'({equation.number})  {TEXT.coordinate(coordinate)}, {coordinate.joint}: '
+                 f'left side {left} {coordinate.unit}, right side {right} {coordinate.unit}']
+        if rows:
+            lines.append(f'{coordinate.unit:>13}  share  side   kind          term')
+        lines += [f'{DIGITS.format(row.value):>13}  {row.share:5.1%}  {row.term.side:5}  {row.term.kind:12}  '
+                  f'{term_text(row.term)}' for row in rows]
+        zeros = len(equation.terms) - len(rows)
+        if zeros:
+            lines.append(f'{"0":>13}  {zeros} more {"term is" if zeros == 1 else "terms are"} zero here')
+        blocks.append('\n'.join(lines))
+    return '\n\n'.join(blocks) + '\n'
+
+
+def _state_lines(equations: Equations, state: State, title: str) -> list[str]:
+    """Return the state in the coordinates of the equations; efforts are those of the joints."""
+    efforts = {joint.name: state.effort[k] for k, joint in enumerate(equations.chain.joints)}
+    names = [f'{TEXT.coordinate(equation.coordinate)} {equation.coordinate.joint}' for equation in equations]
+    width = max(map(display_width, names))
+    lines = [f'{equations.chain.name} {title}',
+             f'{"":{width}}  {"position":>12} {"velocity":>12} {"acceleration":>12} {"joint effort":>12}']
+    for name, equation, motion in zip(names, equations, state.motion.T):
+        numbers = (*motion, efforts[equation.coordinate.joint])
+        lines.append(f'{name}{" " * (width - display_width(name))}  '
+                     + ' '.join(f'{DIGITS.format(number):>12}' for number in numbers))
+    return [*lines, 'SI units; ' + ('angles are absolute, their efforts those of the joints.'
+                                    if equations.coordinates == 'absolute' else 'joint coordinates.')]
+
+
+def contributions_latex(equations: Equations, chosen, state: State, title: str) -> str:
+    """Return the same tables in LaTeX."""
+    lines = [f'% {equations.chain.name} {title}']
+    for equation in chosen or equations:
+        coordinate = equation.coordinate
+        lines += [f'% ({equation.number}) for {coordinate}, joint {coordinate.joint}, in {coordinate.unit}',
+                  r'\begin{tabular}{rrlll}', rf'{coordinate.unit} & share & side & kind & term \\ \hline']
+        lines += [rf'${LATEX.number(row.value)}$ & {100.0 * row.share:.1f}\,\% & {row.term.side} & {row.term.kind} & '
+                  rf'${term_text(row.term, LATEX_WRITER)}$ \\' for row in contributions(equation, state)]
+        lines += [r'\end{tabular}', '']
+    return '\n'.join(lines)
