@@ -129,10 +129,10 @@ def read_state(text: str, chain: Chain) -> tuple:
             values = [float(number) for number in field.split(',')]
         except ValueError as error:
             raise Mistake(f'--state {clipped(text)!r}: {quantity} is no list of numbers ({error}), {wanted}') from None
-        try:
-            rows.append(joint_array(f'--state {clipped(text)!r}: {quantity}', values, (chain.joint_count,)))
-        except ValueError as error:
-            raise Mistake(str(error)) from None
+        if len(values) != chain.joint_count:
+            raise Mistake(f'--state {clipped(text)!r}: {quantity} has {len(values)} numbers, must have '
+                          f'{chain.joint_count}, for {clipped(", ".join(chain.joint_names), 200)}')
+        rows.append(joint_array(f'--state {clipped(text)!r}: {quantity}', values, (chain.joint_count,)))
     zero = np.zeros(chain.joint_count)
     return tuple(rows[k] if k < len(rows) else zero for k in range(len(QUANTITIES)))
 

@@ -8,7 +8,7 @@ from .factors import State
 from .latex_document import WRITER as LATEX_WRITER
 from .notation import display_width, LATEX, SOFT_BREAK, TEXT
 from .terms import Equation, Term
-from .text_document import WRITER as TEXT_WRITER
+from .text_document import heading, WRITER as TEXT_WRITER
 
 DIGITS = '{:.6g}'
 
@@ -47,8 +47,7 @@ def contributions_table(equations: Equations, chosen, state: State, title: str) 
     for equation in chosen or equations:
         coordinate, rows = equation.coordinate, contributions(equation, state)
         left, right = (DIGITS.format(side) for side in sides(equation, state))
-        lines = [f'({equation.number})  {TEXT.coordinate(coordinate)}, {coordinate.joint}: '
-                 f'left side {left} {coordinate.unit}, right side {right} {coordinate.unit}']
+        lines = heading(equation, f': left side {left} {coordinate.unit}, right side {right} {coordinate.unit}')
         if rows:
             lines.append(f'{coordinate.unit:>13}  share  side   kind          term')
         lines += [f'{DIGITS.format(row.value):>13}  {row.share:5.1%}  {row.term.side:5}  {row.term.kind:12}  '
@@ -63,14 +62,13 @@ def contributions_table(equations: Equations, chosen, state: State, title: str) 
 def _state_lines(equations: Equations, state: State, title: str) -> list[str]:
     """Return the state in the coordinates of the equations; efforts are those of the joints."""
     efforts = {joint.name: state.effort[k] for k, joint in enumerate(equations.chain.joints)}
-    names = [f'{TEXT.coordinate(equation.coordinate)} {equation.coordinate.joint}' for equation in equations]
-    width = max(map(display_width, names))
     lines = [f'{equations.chain.name} {title}',
-             f'{"":{width}}  {"position":>12} {"velocity":>12} {"acceleration":>12} {"joint effort":>12}']
-    for name, equation, motion in zip(names, equations, state.motion.T):
-        numbers = (*motion, efforts[equation.coordinate.joint])
-        lines.append(f'{name}{" " * (width - display_width(name))}  '
-                     + ' '.join(f'{DIGITS.format(number):>12}' for number in numbers))
+             f'{"":6}{"position":>13}{"velocity":>13}{"acceleration":>14}{"joint effort":>14}  joint']
+    for equation, motion in zip(equations, state.motion.T):
+        joint, symbol = equation.coordinate.joint, TEXT.coordinate(equation.coordinate)
+        numbers = [DIGITS.format(number) for number in (*motion, efforts[joint])]
+        lines.append(symbol + ' ' * (6 - display_width(symbol))
+                     + '{:>13}{:>13}{:>14}{:>14}  '.format(*numbers) + joint)
     return [*lines, 'SI units; ' + ('angles are absolute, their efforts those of the joints.'
                                     if equations.coordinates == 'absolute' else 'joint coordinates.')]
 

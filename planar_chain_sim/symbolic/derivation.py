@@ -197,7 +197,7 @@ class Derivation:
 
     def _rest(self, i: int, relative: Parts, slack: float) -> Optional[Symbol]:
         own = relative[0][1]
-        letter, unit = {'x': ('x0', 'm'), 'q': ('q0', 'rad'), 'phi': ('theta0', 'rad')}[own.letter]
+        letter, unit = {'x': ('x_rest', 'm'), 'q': ('q_rest', 'rad'), 'phi': ('theta_rest', 'rad')}[own.letter]
         if f'{letter}{i + 1}' not in self.names.symbols:
             what = 'frame against frame' if own.letter == 'phi' else own.name
             self.names.keep(letter, i, slack, unit, f'{what} where the spring of {own.joint} is slack')
@@ -253,7 +253,7 @@ class Derivation:
         def order(item):
             (kind, motions, symbols, *_), _ = item
             places = [] if kind in RIGHT else [tuple(part[1].place for part in motion.parts) for motion in motions]
-            return KINDS.index(kind), places, not (symbols and symbols[0].letter in ('J', 'Ia', 'ma'))
+            return KINDS.index(kind), places, not (symbols and symbols[0].letter in ('J', 'Ia'))
 
         for (kind, motions, symbols, slides, angle), (total, sign, dot) in sorted(row.items(), key=order):
             if total == 0:

@@ -1,6 +1,7 @@
 """How a symbol, a vector or a rate looks: in Unicode text for a terminal, in LaTeX for a paper."""
 from __future__ import annotations
 
+from functools import lru_cache
 import re
 from unicodedata import combining, east_asian_width, normalize
 
@@ -16,14 +17,15 @@ MINUS, TIMES, SQUARED = '\u2212', '\u00b7', '\u00b2'
 
 # letters with a mark: the letter, a mark below or above; subscripts x, a and superscript 0 exist as characters
 TEXT_LETTERS = {'Ia': 'I\u2090', 'ma': 'm\u2090', 'd_x': 'd\u2093', 'k_x': 'k\u2093', 'tau_c': '\u03c4c', 'f_c': 'fc',
-                'theta0': '\u03b8\u2070', 'x0': 'x\u2070', 'q0': 'q\u2070', 'delta_g': '\u03b4g', **GREEK}
+                'theta_rest': '\u03b8\u2070', 'x_rest': 'x\u2070', 'q_rest': 'q\u2070', 'delta_g': '\u03b4g', **GREEK}
 LATEX_MARKS = {'Ia': ('I', 'a', ''), 'ma': ('m', 'a', ''), 'd_x': ('d', 'x', ''), 'k_x': ('k', 'x', ''),
-               'tau_c': (r'\tau', 'c', ''), 'f_c': ('f', 'c', ''), 'theta0': (r'\theta', '', '0'), 'x0': ('x', '', '0'),
-               'q0': ('q', '', '0'), 'delta_g': (r'\delta', 'g', ''), 'phi': (r'\varphi', '', ''),
+               'tau_c': (r'\tau', 'c', ''), 'f_c': ('f', 'c', ''), 'theta_rest': (r'\theta', '', '0'),
+               'x_rest': ('x', '', '0'), 'q_rest': ('q', '', '0'), 'delta_g': (r'\delta', 'g', ''), 'phi': (r'\varphi', '', ''),
                'epsilon': (r'\varepsilon', '', ''), **{name: (f'\\{name}', '', '') for name in GREEK
                                                        if name not in ('phi', 'epsilon')}}
 
 
+@lru_cache(maxsize=4096)
 def display_width(text: str) -> int:
     """Columns that a text takes on a terminal: a combining mark takes none, an East Asian wide character two."""
     return sum(0 if combining(c) else 2 if east_asian_width(c) in 'WF' else 1 for c in text)
@@ -35,6 +37,7 @@ class Text:
     minus, times, dot, opening, closing = MINUS, ' ', TIMES, '(', ')'
     functions = {'cos': 'cos', 'sin': 'sin', 'sign': 'sgn'}
 
+    @lru_cache(maxsize=4096)
     def _marked(self, letter: str, mark: str, index: int) -> str:
         number = str(index).translate(SUBSCRIPTS) if index else ''
         return normalize('NFC', TEXT_LETTERS.get(letter, letter) + mark) + number
@@ -79,6 +82,7 @@ class Latex(Text):
     minus, times, dot = '-', r'\,', r'\cdot '
     functions = {'cos': r'\cos', 'sin': r'\sin', 'sign': r'\mathrm{sgn}'}
 
+    @lru_cache(maxsize=4096)
     def _marked(self, letter: str, mark: str, index: int) -> str:
         letter, lower, upper = LATEX_MARKS.get(letter, (letter, '', ''))
         command = {'': '', DOT: r'\dot', DOTS: r'\ddot', HAT: r'\hat'}[mark]

@@ -30,8 +30,7 @@ def text_document(equations: Equations, chosen: Optional[Sequence[Equation]] = N
 def equation_lines(equation: Equation) -> list[str]:
     """Return one equation: a heading, a line for each piece of the left side, the right side."""
     coordinate = equation.coordinate
-    symbol = TEXT.coordinate(coordinate)
-    lines = [f'({equation.number})  {symbol}, {coordinate.joint}, {coordinate.unit}']
+    lines = heading(equation, f', {coordinate.unit}')
     operator = ' '
     for sign, piece in WRITER.left(equation):
         operator = TEXT.minus if sign < 0 else operator
@@ -41,15 +40,25 @@ def equation_lines(equation: Equation) -> list[str]:
     return lines + wrapped(right, '   = ', 9)
 
 
+def heading(equation: Equation, behind: str) -> list[str]:
+    """Return number, symbol and joint of an equation, and what stands behind them."""
+    coordinate = equation.coordinate
+    text = f'{TEXT.coordinate(coordinate)}, {coordinate.joint}{behind}'
+    return wrapped(text.replace(' ', SOFT_BREAK), f'({equation.number})  ', 8)
+
+
 def wrapped(text: str, head: str, indent: int, width: int = WIDTH) -> list[str]:
     """Return text with a head in lines of at most `width` columns where its soft breaks allow it."""
-    lines, line = [], head
-    for k, word in enumerate(text.split(SOFT_BREAK)):
-        joined = line + word if k == 0 else f'{line} {word}'
-        if k and display_width(joined) > width:
+    first, *words = text.split(SOFT_BREAK)
+    lines, line = [], head + first
+    columns = display_width(line)
+    for word in words:
+        columns += 1 + display_width(word)
+        if columns > width:
             lines.append(line)
-            joined = ' ' * indent + word
-        line = joined
+            line, columns = ' ' * indent + word, indent + display_width(word)
+        else:
+            line = f'{line} {word}'
     return [*lines, line]
 
 
@@ -80,9 +89,9 @@ def _bodies(equations: Equations) -> list[str]:
         carrier = carrier_number(chain, i)
         moves = [f'{"slides" if c.letter == "x" else "turns"}\u00a0{TEXT.coordinate(c)}\u00a0({c.joint})'
                  for c in coordinates.get(i + 1, [])] or ['welded']
-        head = f'{i + 1:{number_width + 1}}  {body.name}, on {f"{carrier} " if carrier else ""}' \
-               f'{chain.bodies[body.carrier].name if carrier else "the base"}: '
-        lines += [line.replace('\u00a0', ' ') for line in wrapped((',' + SOFT_BREAK).join(moves), head, 7)]
+        place = f'{carrier}\u00a0{chain.bodies[body.carrier].name}' if carrier else 'the base'
+        text = f'{body.name}, on {place}: {", ".join(moves)}'.replace(' ', SOFT_BREAK)
+        lines += [line.replace('\u00a0', ' ') for line in wrapped(text, f'{i + 1:{number_width + 1}}  ', 7)]
         lines += _flow([_outboard_mass(symbol, equations, masses) if symbol.letter == 'M' else _value(symbol)
                         for symbol in equations.symbols.values() if symbol.index == i + 1], 7)
     gravity = [_value(symbol) for symbol in equations.symbols.values() if not symbol.index]
