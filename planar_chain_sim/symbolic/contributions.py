@@ -11,6 +11,7 @@ from .terms import Equation, Term
 from .text_document import heading, WRITER as TEXT_WRITER
 
 DIGITS = '{:.6g}'
+ROUNDING = 1e-15    # relative to the sum of magnitudes: cos(pi/2) is 6e-17
 
 
 class Contribution(NamedTuple):
@@ -22,11 +23,11 @@ class Contribution(NamedTuple):
 
 
 def contributions(equation: Equation, state: State) -> list[Contribution]:
-    """Return the terms that are not zero at a state, largest first; equal ones as they stand in the equation."""
+    """Return the terms that are not zero at a state, beyond rounding, largest first; equal ones in their order."""
     values = [(term, term.contribution(state)) for term in equation.terms]
     total = sum(abs(value) for _, value in values)
-    return sorted((Contribution(term, value, abs(value) / total) for term, value in values if value != 0.0),
-                  key=lambda row: -abs(row.value))
+    return sorted((Contribution(term, value, abs(value) / total) for term, value in values
+                   if abs(value) > ROUNDING * total), key=lambda row: -abs(row.value))
 
 
 def term_text(term: Term, writer=TEXT_WRITER) -> str:
@@ -37,8 +38,9 @@ def term_text(term: Term, writer=TEXT_WRITER) -> str:
 
 def sides(equation: Equation, state: State) -> tuple[float, float]:
     """Return the sums of the left and of the right side, N m or N: equal where the motion obeys the equation."""
+    rounding = ROUNDING * sum(abs(term.contribution(state)) for term in equation.terms)
     left, right = (sum(term.contribution(state) for term in side) for side in (equation.left, equation.right))
-    return left, right
+    return (left if abs(left) > rounding else 0.0), (right if abs(right) > rounding else 0.0)
 
 
 def contributions_table(equations: Equations, chosen, state: State, title: str) -> str:
@@ -64,8 +66,8 @@ def _state_lines(equations: Equations, state: State, title: str) -> list[str]:
     efforts = {joint.name: state.effort[k] for k, joint in enumerate(equations.chain.joints)}
     lines = [f'{equations.chain.name} {title}',
              f'{"":6}{"position":>13}{"velocity":>13}{"acceleration":>14}{"joint effort":>14}  joint']
-    for equation, motion in zip(equations, state.motion.T):
-        joint, symbol = equation.coordinate.joint, TEXT.coordinate(equation.coordinate)
+    for unknown, motion in zip(equations.unknowns, state.motion.T):
+        joint, symbol = unknown.joint, TEXT.coordinate(unknown)
         numbers = [DIGITS.format(number) for number in (*motion, efforts[joint])]
         lines.append(symbol + ' ' * (6 - display_width(symbol))
                      + '{:>13}{:>13}{:>14}{:>14}  '.format(*numbers) + joint)

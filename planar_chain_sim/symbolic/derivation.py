@@ -3,7 +3,7 @@ The equations of motion of a chain, (5.87) and (5.88), multiplied out product by
 
 Where `equations_of_motion.py` has matrices with a row for every body, here each product of a row is a term. Rows of
 bodies that share an angle are added, and in joint coordinates those of all that a joint carries: both are virtual work,
-the transposed map of equations.md 4 and 5.
+the transposed map of equations.md 4 and 5. Each equation is made by itself.
 """
 from __future__ import annotations
 
@@ -34,22 +34,24 @@ class Product(NamedTuple):
 
 
 class Derivation:
-    """One pass over a chain: a row of products for every body, collected in the equations of its coordinates."""
+    """The equations of a chain one by one: rows of bodies, product by product, collected for a coordinate."""
 
     def __init__(self, chain: Chain, absolute: bool):
         self.names = Names(chain, absolute)
         self._motions, self._products, self._signs = {}, {}, {}
-        self._rows: dict[Coordinate, dict] = {coordinate: {} for coordinate in self.names.coordinates}
+        self._row: dict = {}        # of the coordinate at hand: like terms by what is alike in them
 
-    def equations(self) -> tuple[Equation, ...]:
-        """Return all equations, in the order of the coordinates."""
+    def equation(self, coordinate: Coordinate) -> Equation:
+        """Return the equation of one of the names' coordinates."""
+        self._row = {}
         for i in self.names.bodies:
-            if self.names.turning[i]:
-                self._add_row(self.names.turning[i], self._products_of_angle(i))
-            if self.names.chain.bodies[i].slide:
-                self._add_row(((1, self.names.slide[i]),), self._products_of_slide(i))
-            self._add_joint_laws(i)
-        return tuple(Equation(coordinate, tuple(self._terms(coordinate))) for coordinate in self.names.coordinates)
+            for sign, turn in self.names.turning[i]:     # virtual work: what turns body i has body i's row
+                if turn is coordinate:
+                    self._add(sign, self._products_of_angle(i))
+            if self.names.slide.get(i) is coordinate:
+                self._add(1, self._products_of_slide(i))
+            self._add_joint_laws(coordinate, i)
+        return Equation(coordinate, tuple(self._terms(coordinate)))
 
     # --- motion
 
@@ -162,38 +164,37 @@ class Derivation:
 
     # --- joints
 
-    def _add_joint_laws(self, i: int) -> None:
+    def _add_joint_laws(self, coordinate: Coordinate, i: int) -> None:
         """Add what acts on the relative coordinates of body i's joints (equations.md 4, 6.3)."""
         body = self.names.chain.bodies[i]
         if body.slide:
-            self._add_laws(i, body.slide, ((1, self.names.slide[i]),), 1, body.slide.rest)
+            self._add_laws(coordinate, i, body.slide, ((1, self.names.slide[i]),), 1, body.slide.rest)
         if body.rotation and not self.names.absolute:
-            self._add_laws(i, body.rotation, ((1, self.names.turn[i]),), 1, body.rotation.rest)
+            self._add_laws(coordinate, i, body.rotation, ((1, self.names.turn[i]),), 1, body.rotation.rest)
         elif body.rotation:   # theta' = axis q' is the difference of two absolute rates
             axis = int(body.rotation.axis)
-            carrier = tuple((-sign, coordinate) for sign, coordinate in self.names.turning[body.carrier])
+            carrier = tuple((-sign, turn) for sign, turn in self.names.turning[body.carrier])
             fixed = sum(symbol.value for symbol in self.names.fixed[body.carrier])
             slack = fixed + body.angle + axis * body.rotation.rest
-            self._add_laws(i, body.rotation, ((1, self.names.turn[i]), *carrier), axis, slack)
+            self._add_laws(coordinate, i, body.rotation, ((1, self.names.turn[i]), *carrier), axis, slack)
 
-    def _add_laws(self, i: int, joint: Joint, relative: Parts, axis: int, slack: float) -> None:
+    def _add_laws(self, coordinate: Coordinate, i: int, joint: Joint, relative: Parts, axis: int, slack: float) -> None:
         armature, damper, spring, friction = (self.names.of(letter, i) for letter in LAWS[joint.kind])
         rate = self.motion(1, relative)[1]
-        for sign, coordinate in relative:
-            row = self._rows[coordinate]
+        for sign in (sign for sign, part in relative if part is coordinate):
             if armature:
                 for other, turn in relative:
-                    self._collect(row, sign * other, 'acceleration', (armature,), (), None,
+                    self._collect(sign * other, 'acceleration', (armature,), (), None,
                                   (self.motion(2, ((1, turn),))[1],))
             if spring:
                 rest = self._rest(i, relative, slack)
-                self._collect(row, -sign, 'spring', (spring,), (), None, (self.motion(0, relative, rest)[1],))
+                self._collect(-sign, 'spring', (spring,), (), None, (self.motion(0, relative, rest)[1],))
             if damper:
-                self._collect(row, -sign, 'damping', (damper,), (), None, (rate,))
+                self._collect(-sign, 'damping', (damper,), (), None, (rate,))
             if friction:
-                against = self._signs.setdefault(rate, SignOf(rate))
-                self._collect(row, -sign, 'friction', (friction,), (), None, (against,))
-            self._collect(row, sign * axis, 'effort', (), (), None, (self.names.effort[joint.name],))
+                self._collect(-sign, 'friction', (friction,), (), None,
+                              (self._signs.setdefault(rate, SignOf(rate)),))
+            self._collect(sign * axis, 'effort', (), (), None, (self.names.effort[joint.name],))
 
     def _rest(self, i: int, relative: Parts, slack: float) -> Optional[Symbol]:
         own = relative[0][1]
@@ -205,23 +206,17 @@ class Derivation:
 
     # --- reduction
 
-    def _add_row(self, rows: Parts, products: Iterator[Product]) -> None:
-        """Add products to the equations of `rows`, virtual work's share of each with its sign."""
+    def _add(self, sign: int, products: Iterator[Product]) -> None:
+        """Add products of a body's row, times a sign, to the equation at hand."""
         for product in products:
             dot = self._dot(product.left, product.right) if product.left else None
             symbols = tuple(sorted(product.symbols, key=lambda s: (LETTERS[s.letter], s.index)))
             slides = tuple(sorted(product.slides, key=lambda x: x.parts[0][1].place))
-            if product.rate == GRAVITY:
-                expanded = ((1, ()),)
-            else:
-                expanded = tuple(self.rates(product.rate))
-            for sign, coordinate in rows:
-                row = self._rows[coordinate]
-                for number, motions in expanded:
-                    kind = product.rate[0]
-                    if kind == 'squared rate' and motions[0] is not motions[1]:
-                        kind = 'Coriolis'
-                    self._collect(row, sign * number * product.number, kind, symbols, slides, dot, motions)
+            for number, motions in ((1, ()),) if product.rate == GRAVITY else self.rates(product.rate):
+                kind = product.rate[0]
+                if kind == 'squared rate' and motions[0] is not motions[1]:
+                    kind = 'Coriolis'
+                self._collect(sign * number * product.number, kind, symbols, slides, dot, motions)
 
     def _dot(self, left: Vector, right: Vector) -> ScalarProduct:
         """Return left . right: not both turned; the turned one, or of two plain ones the inner one, comes first."""
@@ -237,25 +232,21 @@ class Derivation:
     def _plain(self, vector: Vector) -> Vector:
         return {'r': self.names.r, 'chi': self.names.chi, 'c': self.names.c}[vector.letter][vector.index - 1][0]
 
-    def _collect(self, row: dict, number: int, kind: str, symbols, slides, dot: Optional[ScalarProduct],
-                 motions) -> None:
+    def _collect(self, number: int, kind: str, symbols, slides, dot: Optional[ScalarProduct], motions) -> None:
         """Add to the like term; products that are equal at every state are like, those that vanish are dropped."""
         sign, angle = written_out(dot) if dot else (1, None)
-        if sign == 0:
-            return
-        entry = row.setdefault((kind, motions, symbols, slides, angle), [0, sign, dot])
-        entry[0] += sign * number
+        if sign:
+            entry = self._row.setdefault((kind, motions, symbols, slides, angle), [0, sign, dot])
+            entry[0] += sign * number
 
     def _terms(self, coordinate: Coordinate) -> Iterator[Term]:
-        """Terms of one equation in the order of 5.4.8: by kind, by coordinate of the rates, inertias first."""
-        row = self._rows[coordinate]
-
+        """Yield the terms in the order of 5.4.8: by kind, by coordinate of the rates, inertias first."""
         def order(item):
             (kind, motions, symbols, *_), _ = item
             places = [] if kind in RIGHT else [tuple(part[1].place for part in motion.parts) for motion in motions]
             return KINDS.index(kind), places, not (symbols and symbols[0].letter in ('J', 'Ia'))
 
-        for (kind, motions, symbols, slides, angle), (total, sign, dot) in sorted(row.items(), key=order):
+        for (kind, motions, symbols, slides, angle), (total, sign, dot) in sorted(self._row.items(), key=order):
             if total == 0:
                 continue
             constant = dot is None or (angle[0] == '1' and kind != 'gravity')

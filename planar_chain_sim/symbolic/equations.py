@@ -1,13 +1,14 @@
 """equations: a chain's equations of motion as objects, in the coordinates and the form that are asked for."""
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Iterable, Iterator, Union
+from collections.abc import Sequence
+import operator
+from typing import Iterable, Optional, Union
 
 import numpy as np
 
 from .derivation import Derivation
-from .factors import Motion, ScalarProduct, State, Symbol
+from .factors import Coordinate, Motion, ScalarProduct, State, Symbol
 from .terms import Equation
 from .trigonometry import in_numbers, in_trigonometric_functions
 from ..chain import Chain
@@ -18,39 +19,55 @@ from ..path_matrix import motion_of_joints
 COORDINATES = ('absolute', 'joint')
 
 
-@dataclass(frozen=True)
-class Equations:
+class Equations(Sequence):
     """
-    The equations of a chain, one for each coordinate; iterable, [k] by number, joint or coordinate name.
+    The equations of a chain, one for each coordinate, each made when it is first asked for.
 
-    `coordinates` is 'absolute', angles and then slides as in the book's example, or 'joint', joints in file order.
-    `symbols` are those that the terms use, by name.
+    [k] takes a number, the name of a joint or of a coordinate. `coordinates` is 'absolute', angles and then slides as
+    in the book's example, or 'joint', joints in file order; `unknowns` are the coordinates themselves.
     """
 
-    chain: Chain
-    coordinates: str
-    trigonometric: bool
-    numeric: bool
-    equations: tuple[Equation, ...]
-    symbols: dict[str, Symbol]
-
-    def __iter__(self) -> Iterator[Equation]:
-        return iter(self.equations)
+    def __init__(self, chain: Chain, coordinates: str, trigonometric: bool, numeric: bool):
+        self.chain, self.coordinates, self.trigonometric, self.numeric = chain, coordinates, trigonometric, numeric
+        self._derivation = Derivation(chain, coordinates == 'absolute')
+        self.unknowns: tuple[Coordinate, ...] = self._derivation.names.coordinates
+        self._derived: dict[int, Equation] = {}     # scalar products, symbols
+        self._made: dict[int, Equation] = {}        # in the form wanted
 
     def __len__(self):
-        return len(self.equations)
+        return len(self.unknowns)
 
     def __getitem__(self, key: Union[int, str]) -> Equation:
-        if not isinstance(key, str):
-            return self.equations[key]
-        for name in (lambda coordinate: coordinate.joint, lambda coordinate: coordinate.name):
-            for equation in self.equations:
-                if name(equation.coordinate) == key:
-                    return equation
-        names = [equation.coordinate.joint for equation in self.equations]
-        symbols = ', '.join(equation.coordinate.name for equation in self.equations[:6])
-        raise KeyError(f"coordinate '{clipped(key)}' is none of this chain{suggestion(key, names)}, must be the name "
-                       f'of a joint or a symbol as {symbols}{", ..." if len(names) > 6 else ""}')
+        place = self.place_of(key) if isinstance(key, str) else range(len(self))[operator.index(key)]
+        if place not in self._made:
+            made = self._derive(place)
+            made = in_trigonometric_functions(made) if self.trigonometric else made
+            self._made[place] = in_numbers(made) if self.numeric else made
+        return self._made[place]
+
+    def _derive(self, place: int) -> Equation:
+        if place not in self._derived:
+            self._derived[place] = self._derivation.equation(self.unknowns[place])
+        return self._derived[place]
+
+    def place_of(self, name: str) -> int:
+        """Return the number of a coordinate by its joint's or its own name; KeyError names what there is."""
+        for names in ([unknown.joint for unknown in self.unknowns], [unknown.name for unknown in self.unknowns]):
+            if name in names:
+                return names.index(name)
+        joints = [unknown.joint for unknown in self.unknowns]
+        symbols = ', '.join(unknown.name for unknown in self.unknowns[:6]) + (', ...' if len(self) > 6 else '')
+        raise KeyError(f"coordinate '{clipped(name)}' is none of this chain{suggestion(name, joints)}, must be the "
+                       f'name of a joint or a symbol as {symbols}')
+
+    def symbols(self, chosen: Optional[Iterable[Equation]] = None) -> dict[str, Symbol]:
+        """
+        Return the symbols of all or of the `chosen` equations by name, body by body; none where they are numbers.
+
+        These are the symbols of coefficients, of the vectors in scalar products and of M = P m P^T.
+        """
+        places = range(len(self)) if chosen is None else [equation.coordinate.place for equation in chosen]
+        return {} if self.numeric else symbols_of(self._derivation, [self._derive(place) for place in places])
 
     def state(self, position, velocity, acceleration=None, effort=None) -> State:
         """
@@ -69,7 +86,7 @@ class Equations:
         if self.coordinates == 'absolute':
             G, offset = motion_of_joints(self.chain)
             bodies = len(self.chain.bodies)
-            rows = [equation.coordinate.index - 1 + bodies * (equation.coordinate.letter == 'x') for equation in self]
+            rows = [unknown.index - 1 + bodies * (unknown.letter == 'x') for unknown in self.unknowns]
             motion = motion @ G[rows].T
             motion[0] += offset[rows]
         return State(motion, effort)
@@ -82,19 +99,13 @@ def equations(chain: Chain, coordinates: str = 'absolute', trigonometric: bool =
 
     `coordinates`: 'absolute' angles as in the book, or 'joint' coordinates. Scalar products stay as such or, if
     `trigonometric`, become sines and cosines; symbols stay or, if `numeric`, become the chain's numbers, like terms
-    added. The residual of an equation in joint coordinates is inverse_dynamics - effort of that joint; in absolute
-    coordinates it is S of that (equations.md 4). ValueError: unknown coordinates.
+    added. The residual of an equation in joint coordinates is inverse_dynamics - effort of that joint; those in
+    absolute coordinates are mapped to these by the transposed joint map (equations.md 4). ValueError: unknown
+    coordinates.
     """
     if coordinates not in COORDINATES:
         raise ValueError(f'coordinates is {coordinates!r}, must be one of {", ".join(map(repr, COORDINATES))}')
-    derivation = Derivation(chain, coordinates == 'absolute')
-    made = derivation.equations()
-    symbols = {} if numeric else symbols_of(derivation, made)
-    if trigonometric:
-        made = map(in_trigonometric_functions, made)
-    if numeric:
-        made = map(in_numbers, made)
-    return Equations(chain, coordinates, trigonometric, numeric, tuple(made), symbols)
+    return Equations(chain, coordinates, trigonometric, numeric)
 
 
 def symbols_of(derivation: Derivation, made: Iterable[Equation]) -> dict[str, Symbol]:

@@ -24,8 +24,8 @@ def json_document(equations: Equations, chosen: Optional[Sequence[Equation]] = N
         'topology': {**{name: matrix.tolist() for name, matrix in matrices(chain).items()},
                      'M': shared_mass_matrix(chain).tolist()},
         'symbols': {name: {'value': symbol.value, 'unit': symbol.unit, 'meaning': symbol.meaning}
-                    for name, symbol in equations.symbols.items()},
-        'vectors': _vectors(equations),
+                    for name, symbol in equations.symbols(chosen).items()},
+        'vectors': _vectors(equations, chosen),
         'equations': [{
             'coordinate': equation.coordinate.name, 'joint': equation.coordinate.joint, 'number': equation.number,
             'unit': equation.coordinate.unit, 'left': [_term(term, state) for term in equation.left],
@@ -33,10 +33,10 @@ def json_document(equations: Equations, chosen: Optional[Sequence[Equation]] = N
     return _lines(data) + '\n'
 
 
-def _vectors(equations: Equations) -> dict:
+def _vectors(equations: Equations, chosen: Optional[Sequence[Equation]]) -> dict:
     """Return the angle of each vector that is not turned, and of the same turned by pi/2."""
     found = {}
-    for row in vectors_by_angle(equations):
+    for row in vectors_by_angle(chosen or equations):
         for vector in row:
             angle = [str(coordinate) if sign > 0 else f'-{coordinate}' for sign, coordinate in vector.parts]
             angle += [repr(offset.value) if equations.numeric else offset.name for offset in vector.offsets]

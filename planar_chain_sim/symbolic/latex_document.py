@@ -79,7 +79,7 @@ def _topology(equations: Equations) -> list[str]:
 
 def _symbols(equations: Equations) -> list[str]:
     rows = []
-    for symbol in sorted(equations.symbols.values(), key=lambda symbol: symbol.index):
+    for symbol in sorted(equations.symbols().values(), key=lambda symbol: symbol.index):
         unit = symbol.unit.replace('^2', '$^{2}$')
         rows.append(f'${LATEX.symbol(symbol)}$ & ${LATEX.number(symbol.value)}$ & {unit} & '
                     f'{LATEX.name(symbol.meaning)} \\\\')

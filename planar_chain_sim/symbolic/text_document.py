@@ -82,9 +82,9 @@ def _flow(items: Iterable[str], indent: int, separator: str = ',') -> list[str]:
 
 def _bodies(equations: Equations) -> list[str]:
     """Each body with its carrier, its coordinates and, where symbols are printed, their values."""
-    chain, coordinates = equations.chain, coordinates_by_body(equations)
+    chain, coordinates = equations.chain, coordinates_by_body(equations.unknowns)
     number_width, lines = len(str(len(chain.bodies))), ['Bodies']
-    masses = np.diag(shared_mass_matrix(chain))
+    masses, symbols = np.diag(shared_mass_matrix(chain)), equations.symbols().values()
     for i, body in enumerate(chain.bodies):
         carrier = carrier_number(chain, i)
         moves = [f'{"slides" if c.letter == "x" else "turns"}\u00a0{TEXT.coordinate(c)}\u00a0({c.joint})'
@@ -93,8 +93,8 @@ def _bodies(equations: Equations) -> list[str]:
         text = f'{body.name}, on {place}: {", ".join(moves)}'.replace(' ', SOFT_BREAK)
         lines += [line.replace('\u00a0', ' ') for line in wrapped(text, f'{i + 1:{number_width + 1}}  ', 7)]
         lines += _flow([_outboard_mass(symbol, equations, masses) if symbol.letter == 'M' else _value(symbol)
-                        for symbol in equations.symbols.values() if symbol.index == i + 1], 7)
-    gravity = [_value(symbol) for symbol in equations.symbols.values() if not symbol.index]
+                        for symbol in symbols if symbol.index == i + 1], 7)
+    gravity = [_value(symbol) for symbol in symbols if not symbol.index]
     return lines + (_flow(['gravity\u00a0' + gravity[0], *gravity[1:]], 2) if gravity else [])
 
 

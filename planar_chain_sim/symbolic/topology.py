@@ -37,11 +37,11 @@ def carrier_number(chain: Chain, i: int) -> int:
     return 0 if chain.bodies[i].carrier == BASE else chain.bodies[i].carrier + 1
 
 
-def coordinates_by_body(equations: Iterable[Equation]) -> dict[int, list[Coordinate]]:
+def coordinates_by_body(coordinates: Iterable[Coordinate]) -> dict[int, list[Coordinate]]:
     """Return the coordinates of each body by its number, its slide first."""
     found: dict[int, list[Coordinate]] = {}
-    for equation in equations:
-        found.setdefault(equation.coordinate.index, []).append(equation.coordinate)
+    for coordinate in coordinates:
+        found.setdefault(coordinate.index, []).append(coordinate)
     return {number: sorted(row, key=lambda coordinate: coordinate.letter != 'x') for number, row in found.items()}
 
 
