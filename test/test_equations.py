@@ -164,7 +164,7 @@ def test_terms_evaluated_alone_add_up_to_the_reference_form_and_the_kernel(seed)
     effort = np.random.default_rng(seed + 300).normal(size=chain.joint_count)
     forms = (equations_of_motion.inverse_dynamics, pcs.inverse_dynamics)
     wanted = [form(chain, position, velocity, acceleration) - effort for form in forms]
-    for coordinates, trigonometric, numeric in FORMS:
+    for coordinates, trigonometric, numeric in FORMS[seed % 2::2]:     # symbols in every other tree, then numbers
         equations = pcs.equations(chain, coordinates, trigonometric, numeric)
         state = equations.state(position, velocity, acceleration, effort)
         values = [[term.evaluate(state) for term in equation.terms] for equation in equations]
@@ -245,7 +245,10 @@ def test_nothing_printed_is_zero_or_said_twice(seed):
                 assert any(term.evaluate(state) != 0.0 for state in states)
                 moving = tuple(round(math.prod(factor.evaluate(state) for factor in term.factors), 9)
                                for state in states)
-                key = (term.kind, term.coefficient.symbols, max(moving, tuple(-value for value in moving)))
+                moving = max(moving, tuple(-value for value in moving))
+                if term.kind == 'friction':     # signs may well be equal at three states
+                    moving = term.factors
+                key = (term.kind, term.coefficient.symbols, moving)
                 assert key not in seen, str(term)
                 seen.add(key)
 
