@@ -6,7 +6,7 @@ import re
 
 from lagrange import Lagrange
 import numpy as np
-from printed import from_text, READERS, vectors_of
+from printed import expression_of_latex, from_text, READERS, vectors_of
 import pytest
 from random_trees import random_state, random_tree
 import sympy
@@ -14,11 +14,13 @@ import sympy
 import planar_chain_sim as pcs
 from planar_chain_sim import equations_of_motion
 from planar_chain_sim.path_matrix import motion_of_joints
-from planar_chain_sim.symbolic.factors import Motion
+from planar_chain_sim.symbolic.factors import Coordinate, Motion, Symbol
 from planar_chain_sim.symbolic.json_document import json_document
 from planar_chain_sim.symbolic.latex_document import latex_document
-from planar_chain_sim.symbolic.notation import display_width
+from planar_chain_sim.symbolic.notation import display_width, LATEX, SOFT_BREAK
+from planar_chain_sim.symbolic.terms import Coefficient, Equation, Term
 from planar_chain_sim.symbolic.text_document import text_document
+from planar_chain_sim.symbolic.writing import Writer
 
 EPS = np.finfo(float).eps
 WRITERS = {'text': text_document, 'latex': latex_document, 'json': json_document}
@@ -116,10 +118,27 @@ def with_friction(chain, seed):
         for body in chain.bodies))
 
 
+def with_quarter_turns(chain, seed):
+    """Return the chain with all its angles and offsets along the axes of the frames, as most chain files have them."""
+    random = np.random.default_rng(seed)
+
+    def quarter():
+        return float(random.integers(-1, 3)) * np.pi / 2
+
+    def along(value):
+        return abs(value) * (1.0, 1j, -1.0, -1j)[random.integers(4)]
+
+    return replace(chain, gravity=along(chain.gravity), bodies=tuple(
+        replace(body, angle=quarter(), origin=along(body.origin), center_of_mass=along(body.center_of_mass),
+                slide=body.slide and replace(body.slide, axis=quarter())) for body in chain.bodies))
+
+
 @pytest.mark.parametrize('seed', range(20))
 def test_random_trees_are_lagrange_number_for_number(seed):
     """Oracle: every notation and form, read back and evaluated; numbers have 6 digits, in JSON all of them."""
     chain = with_friction(random_tree(seed, bodies=2 + seed % 4), seed)
+    if seed % 4 == 3:
+        chain = with_quarter_turns(chain, seed)
     position, velocity, acceleration = random_state(chain, seed)
     effort = np.random.default_rng(seed + 100).normal(size=chain.joint_count)
     wanted = {}
@@ -271,6 +290,17 @@ def test_quarter_turns_are_worked_out_and_like_numbers_added():
                      ' + 0.1*cos(phi2 - phi4)*phi4_dd + 1.625*cos(phi2)*x1_dd - 1.4625*sin(phi1 - phi2)*phi1_d**2'
                      ' + 0.21*sin(phi2 - phi3)*phi3_d**2 + 0.1*sin(phi2 - phi4)*phi4_d**2',
                      '-15.9413*cos(phi2) + tau2 - tau3 - tau4')
+
+
+def test_what_terms_share_is_taken_out_once():
+    """M r^2 + m r c = r (M r + m c), in signs and numbers too."""
+    coordinate = Coordinate('q', 1, 'turn', 0)
+    M, m, r, c = (Symbol(letter, 1, 2.0) for letter in 'Mmrc')
+    acceleration = Motion(2, ((1, coordinate),))
+    terms = [Term(coordinate, 'acceleration', Coefficient(-2, symbols), (acceleration,))
+             for symbols in ((M, r, r), (m, r, c))]
+    (sign, piece), = Writer(LATEX).left(Equation(coordinate, tuple(terms)))
+    assert sign == -1 and expression_of_latex(piece.replace(SOFT_BREAK, ' ')) == '2*r1*(M1*r1 + m1*c1)*q1_dd'
 
 
 def test_double_pendulum_in_joint_coordinates_is_the_textbook():

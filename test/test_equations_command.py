@@ -134,8 +134,8 @@ def test_picture_is_drawn(ending, state, form, tmp_path, capsys):
 def test_picture_takes_any_name_and_a_state_at_which_all_is_zero(tmp_path, capsys):
     pytest.importorskip('matplotlib')
     chain = tmp_path / 'odd.yaml'
-    chain.write_text("name: '$x_{'\nbodies:\n- {name: 'a$b', carrier: base, mass: 1, inertia: 1, "
-                     "slide: {joint: 'a $_^% b', axis: 0}}\n")
+    chain.write_text("name: '$x_{$'\nbodies:\n- {name: 'a$b', carrier: base, mass: 1, inertia: 1, "
+                     "slide: {joint: 'a $_^% b$', axis: 0}}\n")
     for state in ([], ['--state', '0']):
         printed(capsys, str(chain), '--picture', str(tmp_path / 'odd.png'), *state)
 

@@ -19,7 +19,8 @@ WRITER = Writer(LATEX)
 
 def latex_document(equations: Equations, chosen: Optional[Sequence[Equation]] = None) -> str:
     r"""Return topology, symbols and all equations, or the `chosen` ones; the first line says what they need."""
-    parts = [f'% {equations.chain.name}: equations of motion; they need \\usepackage{{amsmath,graphicx,longtable}}']
+    parts = [f'% {equations.chain.name}: equations of motion; they need '
+             r'\usepackage{amsmath,graphicx,longtable}, long ones \allowdisplaybreaks']
     if not chosen:
         parts += [*_topology(equations), *_symbols(equations), *_unit_vectors(equations)]
     for equation in chosen or equations:

@@ -7,10 +7,11 @@ from dataclasses import replace
 from functools import lru_cache
 from math import pi
 
-from .factors import Motion, quarter_turns, ScalarProduct, SignOf, Symbol, Trigonometric
+from .factors import Motion, quarter_turns, ScalarProduct, Symbol, Trigonometric
 from .terms import Coefficient, Equation, Term
+from .._kernel import unit_vector
 
-ROUNDING = 4e-16         # relative: what is left when numbers of a sum cancel
+ROUNDING = 1e-15         # relative: what is left when numbers of a sum cancel
 UNITS = (1.0, 1j, -1.0, -1j)                                            # e^(j k pi/2)
 QUARTERS = ((1, 'cos'), (-1, 'sin'), (-1, 'cos'), (1, 'sin'))           # cos(a + k pi/2)
 
@@ -77,17 +78,13 @@ def in_numbers(equation: Equation) -> Equation:
     made, sums = {}, {}
 
     def numbered(factor):
-        if isinstance(factor, SignOf):
+        if not isinstance(factor, Motion) or not factor.rest:
             return factor
-        if factor.rest.letter:
-            value = factor.rest.value
-            factor = made.setdefault(factor, Motion(factor.order, factor.parts, Symbol('', 0, value)))
-        return factor
+        return made.setdefault(factor, Motion(factor.order, factor.parts, Symbol('', 0, factor.rest.value)))
 
     for term in equation.terms:
         waves = [factor for factor in term.factors if isinstance(factor, Trigonometric)]
-        others = tuple(numbered(factor) if isinstance(factor, Motion) and factor.rest else factor
-                       for factor in term.factors if factor not in waves)
+        others = tuple(numbered(factor) for factor in term.factors if factor not in waves)
         amplitude, parts = complex(term.coefficient.value), None
         for wave in waves:                            # at most one
             parts = wave.parts or None                # a constant angle leaves a number
@@ -102,13 +99,9 @@ def in_numbers(equation: Equation) -> Equation:
 
 
 def _turned(wave: Trigonometric) -> complex:
-    """e^(j a) with Re(e^(j a) e^(j parts)) the wave: exact for quarter turns."""
-    from .._kernel import unit_vector
+    """Return e^(j a) with Re(e^(j a) e^(j parts)) the wave; quarter turns are in its function already."""
     turn = 1.0 if wave.function == 'cos' else -1j
-    for sign, offset in wave.offsets:
-        quarter = quarter_turns(offset.value)
-        turn *= unit_vector(sign * offset.value) if quarter is None else UNITS[sign * quarter % 4]
-    return turn
+    return turn * unit_vector(sum(sign * offset.value for sign, offset in wave.offsets)) if wave.offsets else turn
 
 
 def _terms_of(equation: Equation, kind: str, factors, parts, amplitude: complex, rounding: float):

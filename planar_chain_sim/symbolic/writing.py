@@ -6,7 +6,6 @@ What the products of a coefficient have in common is put outside a bracket: r2 r
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import replace
 from typing import Iterator, NamedTuple, Optional, Sequence
 
 from .factors import Effort, Motion, ScalarProduct, SignOf, Symbol, Trigonometric, Vector
@@ -75,9 +74,9 @@ class Writer:
             return self._alike(terms)
         number, scalars, rest = _taken_out(terms)
         pieces = self._alike(rest)
-        sign, inner = pieces[0] if len(pieces) == 1 else (1, self._bracket(pieces))
+        inner = pieces[0][1] if len(pieces) == 1 else self._bracket(pieces)     # the first piece has no minus any more
         outside = Parts(abs(number), scalars, None, ())
-        return [(sign * self._sign(number), self._product(outside, inner, rates))]
+        return [(self._sign(number), self._product(outside, inner, rates))]
 
     def _alike(self, terms: list[Parts]) -> list[Piece]:
         """Terms with equal sines and cosines put together: M3 r2 r3 cos + m2 r2 c2 cos = r2 (M3 r3 + m2 c2) cos."""
@@ -105,11 +104,10 @@ class Writer:
                 break
         else:
             return None
-        number, scalars, rest = _taken_out([parts._replace(number=sign * parts.number)
-                                            for parts, (sign, _) in zip(terms, split)])
+        number, scalars, rest = _taken_out(terms)
         inner = self._bracket([
             (self._sign(parts.number), self._product(parts._replace(geometry=None), self.notation.vector(other)))
-            for parts, (_, other) in zip(rest, split)])
+            for parts, other in zip(rest, split)])
         sides = (self.notation.vector(vector), inner)
         product = self.notation.dot.join(sides if vector is first.left else sides[::-1])
         return self._sign(number), self._product(Parts(abs(number), scalars, None, ()), product, rates)
@@ -209,13 +207,6 @@ def _taken_out(terms: list[Parts]) -> tuple[float, tuple, list[Parts]]:
     return number, tuple(common.elements()), rest
 
 
-def _other_vector(product: ScalarProduct, vector: Vector) -> Optional[tuple[int, Vector]]:
-    """Return sign and v with product = sign * vector . v; both may be turned by 90 degrees for it."""
-    for one, other in ((product.left, product.right), (product.right, product.left)):
-        if (one.letter, one.index) == (vector.letter, vector.index):
-            turn = int(vector.turned) - int(one.turned)
-            turned = int(other.turned) + turn
-            if turn and other.letter == 'g':
-                return None
-            return (1 if turned in (0, 1) else -1), replace(other, turned=bool(turned % 2))
-    return None
+def _other_vector(product: ScalarProduct, vector: Vector) -> Optional[Vector]:
+    """Return what a product multiplies `vector` with, None where it is not in it."""
+    return product.right if product.left is vector else product.left if product.right is vector else None
