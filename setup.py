@@ -70,6 +70,7 @@ setup(
             'hypothesis',                # random chains, files and messages
             'mpmath',                    # 50-digit reference values
             'sympy',                     # Lagrange's equations from positions alone, symbolically
+            'matplotlib',                # pictures: that they can be drawn
             'mujoco', 'pin',             # independent dynamics libraries as oracles
             'rosbags', 'mcap-ros2-support',  # independent readers of the log
             'colcon-common-extensions',  # the ROS 2 build, both layouts
