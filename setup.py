@@ -69,6 +69,8 @@ setup(
             'pytest',
             'hypothesis',                # random chains, files and messages
             'mpmath',                    # 50-digit reference values
+            'sympy',                     # Lagrange's equations from positions alone, symbolically
+            'matplotlib',                # pictures: that they can be drawn
             'mujoco', 'pin',             # independent dynamics libraries as oracles
             'rosbags', 'mcap-ros2-support',  # independent readers of the log
             'colcon-common-extensions',  # the ROS 2 build, both layouts
@@ -89,5 +91,6 @@ setup(
         f'rollout = {NAME}.recording.rollout:main',
         f'resimulate = {NAME}.recording.resimulation:main',
         f'benchmark = {NAME}.benchmark.command_line:main',
+        f'equations = {NAME}.symbolic.command_line:main',
     ]},
 )
