@@ -4,6 +4,7 @@ from __future__ import annotations
 from argparse import ArgumentParser, RawDescriptionHelpFormatter
 import signal
 import sys
+import warnings
 from typing import Callable, NoReturn, Optional, Sequence
 
 INTERRUPTED = 130   # the shell's code for a command that Ctrl-C ended
@@ -38,6 +39,7 @@ def run_command(program: str, body: Callable[[Optional[Sequence[str]]], int],
 
     for number in (signal.SIGINT, signal.SIGTERM):   # SIGINT too: a shell's background job is born deaf to it
         signal.signal(number, signal.default_int_handler)
+    warnings.showwarning = lambda message, *_: print(f'{program}: warning: {message}', file=sys.stderr)
     try:
         return body(arguments)
     except (Mistake, ChainError, LogError, SimulationError, ValueError) as error:

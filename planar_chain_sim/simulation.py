@@ -3,6 +3,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import NamedTuple, Optional
+from warnings import warn
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from . import _kernel
 from .chain import Chain
 from .dynamics import joint_array, resolve_form, SimulationError
 from .integrators import choose_method, DEFAULT_TOLERANCE, method_data, METHODS, STIFF, taylor_order, UNROLLED_SERIES
-from .plan import damping_rate, plan_of
+from .plan import damping_rate, plan_of, step_limit
 
 # Outcomes of the kernel's step, in the order of `enum class Outcome` (kernel/integrators.hpp).
 _WHY = (None, 'the configuration is singular', 'the state ran away and would not be finite',
@@ -84,6 +85,8 @@ class Simulation:
     """
     A chain that moves tick by tick: tick k is at k * step, the effort is constant within a tick.
 
+    A fixed step that is too long for the stiffest joint gets a RuntimeWarning with the estimated limit.
+
     `step` s; `tolerance` belongs to adaptive methods; `form` as in forward_dynamics, one of the compiled.
     ValueError: bad method, step, tolerance or form.
     """
@@ -98,6 +101,10 @@ class Simulation:
         self.chain, self.step = chain, float(step)
         self._row, self.tolerance = resolve_method(chain, method, tolerance)
         self.method, self._asked = self._row.name, method
+        limit = None if self._row.adaptive else step_limit(chain, self._row)
+        if limit and self.step > limit[0]:
+            warn(f'step is {self.step!r} s, should be below about {limit[0]:.2g} s: method {self.method!r} is unstable '
+                 f"beyond, for joint '{limit[1]}' of {chain.name} is stiff", RuntimeWarning, stacklevel=2)
         self.form, self._why_form = self._resolve_form(form)
         self._stepper = _kernel.Stepper(plan_of(chain).model, method_data(self._row, self.tolerance), self.step,
                                         self.form == 'dense')

@@ -1,5 +1,6 @@
 """The Jacobian of the inverse dynamics, and the L-stable method that lives on it."""
 from dataclasses import replace
+import warnings
 
 import numpy as np
 import pytest
@@ -9,8 +10,8 @@ from test_peers import pinocchio_model, spring_and_damper
 
 import planar_chain_sim as pcs
 from planar_chain_sim import _kernel
-from planar_chain_sim.integrators import method_data
-from planar_chain_sim.plan import plan_of
+from planar_chain_sim.integrators import method_data, METHODS
+from planar_chain_sim.plan import plan_of, step_limit
 
 SEEDS = range(30)
 
@@ -128,3 +129,23 @@ def test_a_step_whose_first_pivot_vanishes_is_between_its_neighbours():
         ends.append(stepper.velocity)
     # the state itself is known to eps pi / 1e-9 = 7e-7 of what is off
     assert np.abs(ends[2] - 2 * ends[1] + ends[0]).max() < 1e-5 * np.abs(ends[1]).max()
+
+
+@pytest.mark.parametrize('method', ['rk4', 'dop853_fixed', 'semi_implicit_euler'])
+@pytest.mark.parametrize('law, rate', [({'damping': 1e4}, 1e4), ({'stiffness': 1e6}, 1e3)])
+def test_a_fixed_step_beyond_stability_is_warned_of_with_the_limit(method, law, rate):
+    """Oracle: 3 % below the estimated limit the motion dies out or stays bounded, 10 % above it runs away."""
+    chain = one_joint(inertia=1.0, position=1.0, velocity=1.0, **law)
+    limit, joint = step_limit(chain, METHODS[method])
+    assert joint == 'joint' and 1.9 < limit * rate < 12.0
+    with pytest.warns(RuntimeWarning, match=f"should be below about {limit:.2g} s: method '{method}' is unstable"):
+        simulation = pcs.Simulation(chain, method, 1.1 * limit)
+    with pytest.raises(pcs.SimulationError, match='ran away'):
+        simulation.advance(100_000)
+    with warnings.catch_warnings():
+        warnings.simplefilter('error')
+        simulation = pcs.Simulation(chain, method, 0.97 * limit)
+        for other in ('auto', 'gauss6', 'rodas5p'):
+            pcs.Simulation(chain, other, 1.1 * limit)
+    simulation.advance(2000)
+    assert abs(simulation.position[0]) < 10.0

@@ -12,6 +12,7 @@
 // inside its bounds with theta'' = 0, or at a bound with theta'' away from it (box_problem.hpp).
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <deque>
@@ -287,17 +288,23 @@ class EventDriven final : public Integrator {
   bool collide(std::int64_t tick, double offset, JointState& state, Progress& progress) {
     std::vector<int> touching;
     std::vector<double> way;
-    bool hit = false;
+    bool hit = false, gently = true;
     for (int j = 0; j < joints_; ++j) {
       const double n = on_lower(j, state.position[j]) ? 1.0 : on_upper(j, state.position[j]) ? -1.0 : 0.0;
       if (n == 0.0 || n * state.velocity[j] > 0.0) continue;
       touching.push_back(j), way.push_back(n);
       if (state.velocity[j] == 0.0) continue;
-      hit = true;
+      hit = true, gently = gently && std::fabs(state.velocity[j]) < rest_speed;
       note({tick, offset, EventKind::touched, j, std::fabs(state.velocity[j])});
     }
     if (!hit) return true;
     if (!factorise(state, progress)) return false;
+    // An impact slower than rest_speed ends at once, and moves nothing that stands: else two joints on their stops might
+    // push each other off, weaker and weaker, for ever. It only takes energy, as a projection does.
+    if (gently)
+      for (int j = 0; j < joints_; ++j)
+        if (standing_[j] && state.velocity[j] == 0.0 && std::find(touching.begin(), touching.end(), j) == touching.end())
+          touching.push_back(j), way.push_back(1.0);
     const std::size_t count = touching.size();
     BoxProblem impact(count);
     std::vector<double> target(count);
@@ -305,7 +312,7 @@ class EventDriven final : public Integrator {
       const int j = touching[i];
       const double speed = way[i] * state.velocity[j], rebound = -restitution_[j] * speed;
       target[i] = rebound > rest_speed ? rebound : 0.0;
-      impact.b[i] = speed - target[i], impact.upper[i] = infinity;
+      impact.b[i] = speed - target[i], impact.upper[i] = infinity, impact.lower[i] = gently ? -infinity : 0.0;
       respond(j);
       for (std::size_t k = 0; k < count; ++k) impact.W[k * count + i] = way[i] * way[k] * answer_[touching[k]];
     }
