@@ -4,8 +4,8 @@ from __future__ import annotations
 from argparse import ArgumentParser, RawDescriptionHelpFormatter
 import signal
 import sys
-import warnings
 from typing import Callable, NoReturn, Optional, Sequence
+import warnings
 
 INTERRUPTED = 130   # the shell's code for a command that Ctrl-C ended
 

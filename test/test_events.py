@@ -262,7 +262,7 @@ def test_a_state_beyond_a_stop_is_refused():
 
 
 def random_scene(seed):
-    """Return a tree with friction, stops and restitution drawn from a few hard values, and efforts for three stretches."""
+    """Return a tree with friction, stops and restitution of a few hard values, and efforts for three stretches."""
     random = np.random.default_rng(seed)
     chain = random_tree(seed, bodies=int(random.integers(1, 9)))
     joints = chain.joint_count
