@@ -23,7 +23,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # Stay on this machine unless told otherwise.
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
-.PHONY: run test lint colcon bench aarch64 clean
+.PHONY: run test lint colcon bench soak aarch64 clean
 .NOTPARALLEL:
 
 run: $(RUN_READY)
@@ -47,6 +47,11 @@ colcon: $(TEST_READY)
 BENCH_FOLDER := build/benchmark
 bench: $(BENCH_READY)
 	@exec $(VENV)/bin/benchmark $(or $(ARGS),all --folder $(BENCH_FOLDER))
+
+# What tries to break the integrator, at full length.
+soak: $(BENCH_READY)
+	@mkdir -p $(BENCH_FOLDER)
+	@exec $(VENV)/bin/benchmark stability --csv $(BENCH_FOLDER)/stability.csv --peers MuJoCo
 
 # The kernel for another kind of processor, emulated, against the one here: needs a cross compiler and qemu-user.
 aarch64: $(RUN_READY)

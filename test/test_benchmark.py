@@ -8,7 +8,8 @@ import pytest
 from random_trees import random_tree
 
 import planar_chain_sim as pcs
-from planar_chain_sim.benchmark import batch, cpu_time, energy_drift, references, scaling, skipping, work_precision
+from planar_chain_sim.benchmark import (batch, cpu_time, energy_drift, references, scaling, skipping, stability,
+                                        work_precision)
 from planar_chain_sim.benchmark.command_line import main
 from planar_chain_sim.benchmark.problems import PROBLEMS, uniform_rods
 from planar_chain_sim.chain_yaml import chain_from_text
@@ -206,3 +207,10 @@ def test_batch_says_what_there_is_not():
     assert (batch.own_evaluation(chain, states, states, states) is None) == (
         not hasattr(plan_of(chain).model, 'evaluate_batch'))
     assert os.path.dirname(batch.__file__) == os.path.dirname(scaling.__file__)
+
+
+def test_every_number_of_the_stability_suite_holds():
+    """The scenes at a small part of their length; at full length: `make soak`."""
+    rows = list(stability.rows({}, quick=True))
+    assert {row[0] for row in rows} == set(stability.SCENES) and len(rows) > 25
+    assert [row[:4] for row in rows if row[4] != 'yes'] == []

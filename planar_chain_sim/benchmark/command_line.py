@@ -25,9 +25,10 @@ SUITES = {
     'skipping': Suite('skipping', 'what each feature of a scene costs, and what its absence saves'),
     'batch': Suite('batch', 'many states at once: evaluations and steps per core-second, with peers'),
     'energy': Suite('energy_drift', 'energy error of the double pendulum over 1000 s, and its growth with time'),
+    'stability': Suite('stability', 'scenes that try to break the integrator, and what must hold, with MuJoCo'),
     'node': Suite('node_load', 'the ROS 2 node: time to the first joint_states, CPU share and lateness at 1 kHz'),
 }
-NOT_OF_ALL = ('references', 'node')   # the first takes long and never changes, the second needs ROS 2
+NOT_OF_ALL = ('references', 'stability', 'node')   # the first two take long, the last needs ROS 2
 
 
 def _module(name: str):
@@ -96,7 +97,7 @@ def run_suite(name: str, table_file: Optional[Path], picture: Optional[Path], qu
 
 def _benchmark(arguments) -> int:
     suites = '\n'.join(f'  {name}: {suite.text}' for name, suite in SUITES.items())
-    parser = Parser('benchmark', f'Measure and print:\n{suites}\n  all: all of these but {" and ".join(NOT_OF_ALL)}',
+    parser = Parser('benchmark', f'Measure and print:\n{suites}\n  all: all of these but {", ".join(NOT_OF_ALL)}',
                     'benchmark work-precision --csv work_precision.csv --picture work_precision.svg')
     parser.add_argument('suite', choices=(*SUITES, 'all'))
     parser.add_argument('--csv', metavar='FILE', type=Path, help='write the table to this file too')
@@ -111,7 +112,7 @@ def _benchmark(arguments) -> int:
         raise Mistake('--csv and --picture go with one suite, `all` takes --folder')
     if options.picture and not hasattr(_module(options.suite), 'draw'):
         raise Mistake(f'{options.suite} has no picture')
-    peers = _open_peers(options.peers) if options.suite not in NOT_OF_ALL else {}
+    peers = _open_peers(options.peers) if options.suite not in ('references', 'node') else {}
     if options.suite != 'all':
         run_suite(options.suite, options.csv, options.picture, options.quick, peers)
         return 0

@@ -55,17 +55,17 @@ class OfflineLog:
         """Append the event of a commanded effort (joints,) that acts from this tick on, if it differs from the last."""
         if effort.tobytes() != self._held.tobytes():
             self._held = effort.copy()
-            self._write_event(tick, 'command', None, effort=effort.tolist())
+            self._write_event(tick, 'command', effort=effort.tolist())
 
     def write_joint_event(self, event: JointEvent) -> None:
         """Append a stop touched or left, a joint stuck or slipped, at its time between two ticks."""
-        self._write_event(event.tick, event.kind, event.time, joint=event.joint, time=event.time, speed=event.speed)
+        self._write_event(event.tick, event.kind, at=event.time, joint=event.joint, time=event.time, speed=event.speed)
 
     def write_divergence(self, error: SimulationError) -> None:
         """Append the event that ended the run."""
-        self._write_event(error.tick, 'divergence', None, message=str(error), joint=error.joint, time=error.time)
+        self._write_event(error.tick, 'divergence', message=str(error), joint=error.joint, time=error.time)
 
-    def _write_event(self, tick: int, kind: str, at: Optional[float], **data) -> None:
+    def _write_event(self, tick: int, kind: str, at: Optional[float] = None, **data) -> None:
         time = self._nanoseconds(tick) if at is None else round(at * 1e9)
         event = encode_string(json.dumps({'tick': tick, 'kind': kind, 'data': data}))
         self._writer.write(EVENTS_TOPIC, event, time, time)

@@ -19,9 +19,11 @@ def _in_space(vector: complex) -> list[float]:
     return [vector.real, vector.imag, 0.0]
 
 
-def mujoco_model(chain: Chain):
+def mujoco_model(chain: Chain, constrained: bool = False):
     """
-    Return the chain as an MjModel: hinges about z and slides in the x-y plane, no geometry, no constraint.
+    Return the chain as an MjModel: hinges about z and slides in the x-y plane, no geometry.
+
+    `constrained`: with its stops and friction, else without any constraint.
 
     Damping, springs and armature are the joints' own. A slide's axis is in the body's frame there, our carrier's.
     """
@@ -43,6 +45,8 @@ def mujoco_model(chain: Chain):
             _add_joint(part, body.rotation, mujoco.mjtJoint.mjJNT_HINGE, [0.0, 0.0, body.rotation.axis])
         made.append(part)
     model = spec.compile()
+    if constrained:
+        return model
     off = mujoco.mjtDisableBit
     model.opt.disableflags |= (
         off.mjDSBL_CONSTRAINT | off.mjDSBL_EQUALITY | off.mjDSBL_FRICTIONLOSS | off.mjDSBL_LIMIT | off.mjDSBL_CONTACT
@@ -55,8 +59,10 @@ def mujoco_model(chain: Chain):
 
 
 def _add_joint(part, joint, kind, axis) -> None:
-    part.add_joint(name=joint.name, type=kind, axis=axis, armature=joint.armature, damping=joint.damping,
-                   stiffness=joint.stiffness, springref=joint.rest)
+    made = part.add_joint(name=joint.name, type=kind, axis=axis, armature=joint.armature, damping=joint.damping,
+                          stiffness=joint.stiffness, springref=joint.rest, frictionloss=joint.friction)
+    if np.isfinite(joint.lower) or np.isfinite(joint.upper):
+        made.limited, made.range = 1, [max(joint.lower, -1e6), min(joint.upper, 1e6)]
 
 
 class Peer:
