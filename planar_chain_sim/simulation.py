@@ -84,6 +84,7 @@ class Simulation:
         self._stepper = _kernel.Stepper(plan_of(chain).model, method_data(self._row, self.tolerance), self.step,
                                         self.form == 'dense')
         self._tick, self._between = 0, None
+        self._counted = 0, 0, 0   # by steppers that a changed chain has replaced
         self._stepper.set_state(*initial_state(chain))
 
     def _resolve_form(self, form: str) -> tuple[str, str]:
@@ -132,7 +133,7 @@ class Simulation:
     @property
     def statistics(self) -> dict:
         """Counts since the start: evaluations, steps, rejected steps, events."""
-        evaluations, steps, rejected_steps = self._stepper.counts
+        evaluations, steps, rejected_steps = self._counts()
         return {'evaluations': evaluations, 'steps': steps, 'rejected_steps': rejected_steps, 'events': 0}
 
     @property
@@ -152,6 +153,24 @@ class Simulation:
         """
         shape = (self.chain.joint_count,)
         self._stepper.set_state(joint_array('position', position, shape), joint_array('velocity', velocity, shape))
+
+    def replace_chain(self, chain: Chain) -> None:
+        """
+        Go on from here with a chain that differs in gravity or in the numbers of its joints' laws alone.
+
+        Time, state and hidden round-off terms stay, as do method and form; an adaptive method starts its steps anew.
+        ValueError, and nothing is changed: other joints, a law that is not simulated yet.
+        """
+        if chain.joint_names != self.chain.joint_names:
+            raise ValueError(f'chain {chain.name!r} has other joints than {self.chain.name!r}, must have the same')
+        fresh = Simulation(chain, self.method, self.step, self.tolerance, self.form)
+        *state, _ = self._stepper.save()   # without the step that looked ahead
+        fresh._stepper.load(*state, fresh._stepper.save()[-1])
+        self._counted = self._counts()
+        self.chain, self._stepper = chain, fresh._stepper
+
+    def _counts(self) -> tuple:
+        return tuple(before + count for before, count in zip(self._counted, self._stepper.counts))
 
     def advance(self, ticks: int, effort=None, record: Optional[tuple] = None) -> None:
         """

@@ -82,6 +82,21 @@ class JointStateLayout:
         return self._message.tobytes()
 
 
+class ClockLayout:
+    """One rosgraph_msgs/msg/Clock, patched in place."""
+
+    def __init__(self):
+        self._message = bytearray(_ENCAPSULATION + bytes(_STAMP.size))
+
+    def set_stamp(self, nanoseconds: int) -> None:
+        """Put the time (int, ns) in, which must fit as in JointStateLayout."""
+        _STAMP.pack_into(self._message, len(_ENCAPSULATION), *divmod(nanoseconds, 1_000_000_000))
+
+    def to_bytes(self) -> bytes:
+        """Return a copy of the message as it stands, encapsulation included."""
+        return bytes(self._message)
+
+
 def decode_joint_state(data) -> JointStateMessage:
     """Decode a sensor_msgs/msg/JointState (bytes-like, encapsulation included); CdrError if it is none."""
     cursor = _Cursor(data, 'sensor_msgs/msg/JointState')
@@ -116,6 +131,12 @@ def encode_float64_multi_array(values) -> bytes:
     _append_count(body, 0)                                   # data_offset
     _append_float64_array(body, values)
     return _ENCAPSULATION + body
+
+
+def decode_clock(data) -> int:
+    """Decode a rosgraph_msgs/msg/Clock to its time, ns; CdrError if it is none."""
+    seconds, nanoseconds = _Cursor(data, 'rosgraph_msgs/msg/Clock').stamp()
+    return seconds * 1_000_000_000 + nanoseconds
 
 
 def decode_string(data) -> str:

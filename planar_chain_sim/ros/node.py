@@ -48,38 +48,65 @@ def simulate(own_arguments, ros_arguments, stop) -> None:
 
 def start_simulator(node, ending, done):
     """Return a running Simulator and its log (or None), as the node's parameters want them."""
-    from .messages import INPUTS, OUTPUTS, create_polled_subscription, create_publisher
-    from .parameters import declare_parameters
+    from .messages import create_polled_subscription, create_publisher, INPUTS, OUTPUTS
+    from .parameters import declare_chain_parameters, declare_parameters, let_set
 
     values = declare_parameters(node)
     # Topics first: while the chain is read, the others on the network find them.
-    publishers = {key: create_publisher(node, topic) for key, topic in OUTPUTS.items()}
+    publishers = {key: create_publisher(node, topic) for key, topic in OUTPUTS.items()
+                  if not topic.option or values[topic.option]}
     inputs = {key: create_polled_subscription(node, topic) for key, topic in INPUTS.items()}
 
-    from .simulator import Simulator
-    simulation = create_simulation(values)
+    chain = load(values)
+    values.update(declare_chain_parameters(node, chain))
+    simulation = create_simulation(chain, values)
     log = None
     if values['record']:
         from .recorder import open_log
         log = open_log(simulation, values, publishers, inputs)
         ending.callback(log.close)
-    simulator = Simulator(simulation, values, publishers, inputs, log, node.get_logger(), done)
+    simulator = simulator_class(values)(simulation, values, publishers, inputs, node.context, log, node.get_logger(),
+                                        done)
     simulator.start()
     ending.callback(simulator.stop)
-    chain = simulation.chain
+    let_set(node, chain, lambda name, value: simulator.ask('set_parameter', name, value))
     node.get_logger().info(f'running {chain.name} at {values["rate"]:g} Hz, joints {", ".join(chain.joint_names)}; '
                            f'{simulation.plan}')
     return simulator, log
 
 
-def create_simulation(values):
-    """Return the Simulation of the parameters `chain_file`, `method` and `rate`; Mistake where there can't be one."""
+def simulator_class(values):
+    """Return the kind of Simulator that the parameter `lockstep` wants."""
+    if values['lockstep']:
+        from .lockstep import LockstepSimulator
+        return LockstepSimulator
+    from .simulator import Simulator
+    return Simulator
+
+
+def load(values):
+    """Return the chain of the parameter `chain_file`; Mistake where there can't be one."""
+    from ..chain import ChainError
     from ..chain_yaml import load_chain
+    from ..command_line import Mistake
+    try:
+        return load_chain(values['chain_file'])
+    except ChainError as error:
+        raise Mistake(str(error)) from None
+
+
+def create_simulation(chain, values):
+    """Return the Simulation of the chain and the parameters; Mistake where there can't be one."""
+    from ..changes import changed_chain, QUANTITIES
     from ..command_line import Mistake
     from ..simulation import Simulation
     try:
-        return Simulation(load_chain(values['chain_file']), method=values['method'], step=1.0 / values['rate'])
-    except ValueError as error:  # a ChainError is one
+        for name in QUANTITIES:
+            if name in values:
+                chain = changed_chain(chain, name, values[name])
+        return Simulation(chain, method=values['method'], step=1.0 / values['rate'],
+                          tolerance=values['tolerance'] or None)
+    except ValueError as error:
         raise Mistake(str(error)) from None
 
 
