@@ -75,25 +75,28 @@ PARAMETERS = (
 ROWS = {row.name: row for row in PARAMETERS}
 
 
-def declare_parameters(node) -> dict[str, Value]:
+def given_values(node, rows) -> dict[str, Value]:
     """
-    Declare the rows that need no chain and return name -> value; an integer is taken where a number is meant.
+    Return name -> value of rows, as given or else the default; an integer is taken where a number is meant.
 
     The node must have declared its overrides itself (automatically_declare_parameters_from_overrides): only so does
     rclpy show them before it fixes their types. Mistake on a value of the wrong type, outside its range or choices.
     """
     given = {name: parameter.value for name, parameter in node.get_parameters_by_prefix('').items()}
-    values = {}
-    for row in PARAMETERS:
-        if not row.of_chain:
-            values[row.name] = _checked(row, given[row.name]) if row.name in given else row.default
+    _warn_of_unknown(node, given, [row.name for row in rows])
+    return {row.name: _checked(row, given[row.name]) if row.name in given else row.default for row in rows
+            if not row.of_chain}
+
+
+def declare_parameters(node) -> dict[str, Value]:
+    """Declare the rows that need no chain and return name -> value; Mistake as given_values()."""
+    values = given_values(node, PARAMETERS)
     values['publish_rate'] = values['publish_rate'] or values['rate']
     ticks = values['rate'] / values['publish_rate']
     if ticks < 0.5 or abs(ticks - round(ticks)) > 1e-9 * ticks:
         raise Mistake(f"parameter 'publish_rate' is {values['publish_rate']}, must be 0 or `rate` "
                       f"({values['rate']}) divided by a whole number")
-    _declare(node, values)
-    _warn_of_unknown(node, given)
+    declare(node, values, ROWS)
     return values
 
 
@@ -116,7 +119,7 @@ def declare_chain_parameters(node, chain) -> dict[str, Value]:
         if name not in chain.joint_names:
             raise Mistake(f"parameter 'lockstep_joints' names {name!r}, must name joints of the chain: "
                           f'{", ".join(chain.joint_names[:32])}')
-    _declare(node, {**values, **given})
+    declare(node, {**values, **given}, ROWS)
     return given
 
 
@@ -156,11 +159,12 @@ def let_set(node, chain, apply: Callable[[str, Value], tuple[bool, str]]) -> Non
     node.add_on_set_parameters_callback(take)
 
 
-def _declare(node, values) -> None:
+def declare(node, values: dict[str, Value], rows: dict[str, Row]) -> None:
+    """Declare parameters of these values as their rows (by name) describe them, in place of what was given."""
     for name, value in values.items():
         if node.has_parameter(name):
             node.undeclare_parameter(name)
-        node.declare_parameter(name, value, _descriptor(ROWS[name]), ignore_override=True)
+        node.declare_parameter(name, value, _descriptor(rows[name]), ignore_override=True)
 
 
 def _converted(parameter: Parameter) -> Parameter:
@@ -203,9 +207,9 @@ def _descriptor(row: Row) -> ParameterDescriptor:
     return descriptor
 
 
-def _warn_of_unknown(node, given) -> None:
+def _warn_of_unknown(node, given, known) -> None:
     """Warn of a parameter that looks like a slip; others may be meant for other nodes of a shared file."""
     for name in given:
-        close = get_close_matches(name, ROWS, n=1)
-        if close and name not in ROWS:
+        close = get_close_matches(name, known, n=1)
+        if close and name not in known:
             node.get_logger().warning(f"parameter '{name}' is not known and has no effect, did you mean '{close[0]}'?")

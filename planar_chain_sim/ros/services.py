@@ -7,12 +7,14 @@ from rclpy.clock import Clock, ClockType
 from rclpy.executors import SingleThreadedExecutor
 from std_srvs.srv import SetBool, Trigger
 
+from .standard_services import offer
+
 
 class ServiceThread:
     """
     Serves ~/reset, ~/step and ~/pause of a Simulator, and all else the node itself offers, between start() and stop().
 
-    `done(error)` is called when the thread cannot go on.
+    `done(error)` is called when the thread cannot go on, `done(None)` when somebody wants the process to end.
     """
 
     def __init__(self, node, simulator, done):
@@ -23,6 +25,7 @@ class ServiceThread:
             node.create_service(SetBool if name == 'pause' else Trigger, f'~/{name}', _answering(ask))
         self._clock = Clock(clock_type=ClockType.STEADY_TIME)  # the ROS clock may be ours to move, or stand still
         self._executor = SingleThreadedExecutor()
+        offer(node, simulator, self._executor, lambda: done(None))
         self._executor.add_node(node)
         self._thread = Thread(target=self._spin, name='services', daemon=True)
 

@@ -82,6 +82,11 @@ class Simulator:
         return self._paused
 
     @property
+    def tick(self) -> int:
+        """Ticks done since the start."""
+        return self._simulation.tick
+
+    @property
     def position(self):
         """Joint positions (joints,), rad or m, as last laid out, for those who only look."""
         return self._publication.layout.position.copy()
