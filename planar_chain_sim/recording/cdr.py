@@ -22,6 +22,7 @@ _ENCODINGS = {                                               # first two bytes -
     b'\x00\x01': (_STAMP, _COUNT, np.dtype('<f8')),
     b'\x00\x00': (Struct('>iI'), Struct('>I'), np.dtype('>f8')),
 }
+_PLAIN_ARRAY = _ENCAPSULATION + bytes(8)                     # a Float64MultiArray without dimensions, data_offset 0
 
 
 class CdrError(ValueError):
@@ -112,6 +113,10 @@ def decode_joint_state(data) -> JointStateMessage:
 
 def decode_float64_multi_array(data) -> np.ndarray:
     """Decode a std_msgs/msg/Float64MultiArray to its float64 data (n,), the layout unread; CdrError if it is none."""
+    if data[:12] == _PLAIN_ARRAY and len(data) >= 16:        # as nearly all are, and one may come at every tick
+        count, = _COUNT.unpack_from(data, 12)
+        if count and len(data) >= 20 + 8 * count:            # a gap of four lies before the first value
+            return np.frombuffer(data, '<f8', count, 20).astype(np.float64)
     cursor = _Cursor(data, 'std_msgs/msg/Float64MultiArray')
     for _ in range(cursor.count(12)):
         cursor.string()                                      # label

@@ -1,8 +1,8 @@
 """
 The services and the action of `simulation_interfaces`, where that package is installed: what every simulator offers.
 
-Numbers are those of its message definitions (version 1, the same on Jazzy and later), fields are never more than theirs.
-Time is never reset, it would jump back and stop whoever listens: see the contract of ~/reset in the README.
+Numbers and fields are those of its message definitions (version 1, the same on Jazzy and later). Time is never reset:
+it would jump back and stop whoever listens.
 """
 from __future__ import annotations
 
@@ -128,14 +128,17 @@ class _Turn:
 def offer(node, simulator, executor, quit_process: Callable[[], None]) -> bool:
     """Offer all of it on the node, served by `executor`; return False where the package is not installed."""
     try:
-        from simulation_interfaces import action, srv
+        from simulation_interfaces import srv
+        from simulation_interfaces.action import SimulateSteps
     except ImportError:
         return False
     from rclpy.action import ActionServer, CancelResponse
     services = StandardServices(simulator, quit_process, node.get_fully_qualified_name())
     for name, (type_name, answer) in services.rows.items():
         node.create_service(getattr(srv, type_name), f'~/{name}', answer)
-    ActionServer(node, action.SimulateSteps, '~/simulate_steps',
-                 lambda goal: services.simulate(goal, action.SimulateSteps, lambda: _Turn(executor)),
+
+    async def execute(goal):
+        return await services.simulate(goal, SimulateSteps, lambda: _Turn(executor))
+    ActionServer(node, SimulateSteps, '~/simulate_steps', execute,
                  cancel_callback=lambda goal: CancelResponse.ACCEPT)
     return True
