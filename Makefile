@@ -23,7 +23,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # Stay on this machine unless told otherwise.
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
-.PHONY: run test lint colcon bench aarch64 clean
+.PHONY: run test lint colcon bench soak aarch64 clean
 .NOTPARALLEL:
 
 run: $(RUN_READY)
@@ -47,6 +47,12 @@ colcon: $(TEST_READY)
 BENCH_FOLDER := build/benchmark
 bench: $(BENCH_READY)
 	@exec $(VENV)/bin/benchmark $(or $(ARGS),all --folder $(BENCH_FOLDER))
+
+# What takes too long for every day: stop signals twenty times each, a flood of 1e5 commands, ten minutes under full load.
+soak: $(TEST_READY)
+	SOAK=20 $(PY) -m pytest test/test_node_process.py test/test_neighbours.py -k 'stop_signal or flood'
+	$(PY) -m planar_chain_sim.benchmark.soak --rate 1000 --seconds 600
+	$(PY) -m planar_chain_sim.benchmark.soak --rate 2000 5000 --seconds 60
 
 # The kernel for another kind of processor, emulated, against the one here: needs a cross compiler and qemu-user.
 aarch64: $(RUN_READY)
