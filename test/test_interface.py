@@ -7,6 +7,8 @@ from live import CONFIG, Peer, run, simulator, stamp_ns
 import numpy as np
 import pinocchio
 import pytest
+from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -88,6 +90,26 @@ def test_the_clock_goes_before_the_states_that_bear_its_time(everything):
     assert everything.process.output.count('use_sim_time is set and this node is the clock') == 1
 
 
+def test_a_node_on_simulated_time_follows(everything):
+    follower = Node('follower', context=everything.context,
+                    parameter_overrides=[Parameter('use_sim_time', value=True)])
+    everything.executor.add_node(follower)
+    before = stamp_ns(everything.new_state())
+    everything.until(lambda: follower.get_clock().now().nanoseconds > before)
+    assert follower.get_clock().now().nanoseconds < 3600 * 10**9
+    everything.executor.remove_node(follower)
+    follower.destroy_node()
+
+
+def test_use_sim_time_without_a_clock_keeps_wall_time_and_says_so():
+    with simulator('__ns:=/wall', use_sim_time=True) as process, Peer(namespace='/wall') as peer:
+        peer.meet()
+        first = stamp_ns(peer.new_state())
+        assert stamp_ns(peer.new_state(lambda state: stamp_ns(state) > first + 100 * MS)) > 10**18
+        assert process.stop() == 0, process.output
+    assert 'use_sim_time is set, but this node keeps wall time and stamps with it' in process.output
+
+
 def test_markers_stand_where_the_bodies_are(everything):
     arrays = everything.listen(MarkerArray, '/left/sim/markers')
     everything.call('pause', True)
@@ -96,6 +118,7 @@ def test_markers_stand_where_the_bodies_are(everything):
     everything.until(lambda: len(arrays) > 1)
     *bodies, points = arrays[-1].markers
     assert {marker.header.frame_id for marker in arrays[-1].markers} == {'world'}
+    assert {stamp_ns(marker) for marker in arrays[-1].markers} == {stamp_ns(state)}
     assert [marker.ns for marker in bodies] == [body.name for body in CHAIN.bodies]
     for marker, lines in zip(bodies, body_lines(CHAIN, np.array(state.position))):
         assert marker.type == Marker.LINE_LIST

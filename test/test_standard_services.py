@@ -101,11 +101,11 @@ def test_steps_states_and_reset(running):
     assert call(services, 'get_simulation_state').state.state == 2
     assert call(services, 'step_simulation', steps=250).result.result == 1 and simulation.tick == 250
     assert call(services, 'step_simulation').result.result == 1 and simulation.tick == 251, 'one by default'
-    start = simulation.position
+    _, start = simulation.seen
     assert call(services, 'reset_simulation', scope=4).result.result == 0
-    assert simulation.position.tobytes() == start.tobytes()
+    assert simulation.seen[1].tobytes() == start.tobytes()
     assert call(services, 'reset_simulation').result.result == 1 and simulation.tick == 251
-    assert simulation.position.tobytes() != start.tobytes()
+    assert simulation.seen[1].tobytes() != start.tobytes()
     assert call(services, 'set_simulation_state', state=state_of(0)).result.result == 1
     assert call(services, 'get_simulation_state').state.state == 0
     assert call(services, 'set_simulation_state', state=state_of(0)).result.result == 101

@@ -74,6 +74,9 @@ class CommandIntake:
                            f'{", ".join(map(repr, command.unknown[:3]))}, '
                            f'not among the joints {", ".join(self._names[:32])}')
             if answers:
+                if command.stamp == 0 != answers.stamp and command.joints:
+                    self._warn('unstamped', f'command on {self._topics[key]} has no stamp, in lockstep it must echo '
+                               'that of the state it answers')
                 command = answers.admit(command, received)
             if command and command.joints:
                 acting.append((self._topics[key], command))

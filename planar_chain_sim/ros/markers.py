@@ -11,8 +11,8 @@ PERIOD = 1.0 / 30.0  # s
 WIDTH = 0.03         # m, of a line
 
 
-def marker_array(chain, position, frame_id: str, stamp) -> MarkerArray:
-    """Return a line list for each body at joint positions (joints,), and one marker of all joint points."""
+def marker_array(chain, stamp: int, position, frame_id: str) -> MarkerArray:
+    """Return a line list for each body at joint positions (joints,) of a time, ns, and one marker of joint points."""
     markers, points = [], []
     for number, (body, lines) in enumerate(zip(chain.bodies, body_lines(chain, position))):
         ends = [_point(end) for line in lines for end in line]
@@ -24,7 +24,8 @@ def marker_array(chain, position, frame_id: str, stamp) -> MarkerArray:
     marker.scale.x = marker.scale.y = marker.scale.z = 1.5 * WIDTH
     markers.append(marker)
     for number, marker in enumerate(markers):
-        marker.id, marker.header.frame_id, marker.header.stamp = number, frame_id, stamp
+        marker.id, marker.header.frame_id = number, frame_id
+        marker.header.stamp.sec, marker.header.stamp.nanosec = divmod(stamp, 10**9)
     return MarkerArray(markers=markers)
 
 

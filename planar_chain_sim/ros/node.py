@@ -99,7 +99,7 @@ def serve(node, ending, stop, simulator, chain, urdf, values, log) -> None:
         from .markers import marker_array, PERIOD as MARKER_PERIOD
         frame_id = values['frame_id'] or 'world'
         services.every(MARKER_PERIOD, lambda: publishers['markers'].publish(
-            marker_array(chain, simulator.position, frame_id, node.get_clock().now().to_msg())))
+            marker_array(chain, *simulator.seen, frame_id)))
     services.start()
     ending.callback(services.stop)
 

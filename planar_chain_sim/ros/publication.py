@@ -13,6 +13,7 @@ class Publication:
 
     `values`: the node's parameters. `publishers`: key of OUTPUTS -> publisher. `log`: BackgroundLogWriter or None.
     `outcome`: rows for Simulation.advance, so that the kernel writes a tick's outcome straight into the message.
+    `stamp`: ns, of the state last shown.
     """
 
     def __init__(self, simulation, values, publishers, log, pacing):
@@ -22,6 +23,7 @@ class Publication:
         self.layout = layout = JointStateLayout(simulation.chain.joint_names, values['frame_id'])
         self._clock_layout = ClockLayout()
         self.outcome = layout.position[None], layout.velocity[None], layout.effort[None]
+        self.stamp = 0
         self.ticks_per_state = round(values['rate'] / values['publish_rate'])
 
     def lay_out(self) -> None:
@@ -40,15 +42,16 @@ class Publication:
             self._log.write(self._state_topic, data, self._pacing.wall(monotonic_ns()), stamp, tick)
         if publish:
             if self._clock:
-                self._tick_clock(stamp)
+                self._tick_clock(stamp, record)
             self._state.publish(data)
+        self.stamp = stamp
 
-    def _tick_clock(self, stamp: int) -> None:
+    def _tick_clock(self, stamp: int, record: bool) -> None:
         """Publish the time before the state that bears it, so that no listener sees a state from the future."""
         self._clock_layout.set_stamp(stamp)
         data = self._clock_layout.to_bytes()
         self._clock.publish(data)
-        if self._log:
+        if record and self._log:
             self._log.write(self._clock.topic_name, data, self._pacing.wall(monotonic_ns()), stamp)
 
     def event(self, kind: str, **data) -> None:

@@ -87,9 +87,9 @@ class Simulator:
         return self._simulation.tick
 
     @property
-    def position(self):
-        """Joint positions (joints,), rad or m, as last laid out, for those who only look."""
-        return self._publication.layout.position.copy()
+    def seen(self) -> tuple:
+        """Stamp, ns, and joint positions (joints,), rad or m, of the state last shown, for those who only look."""
+        return self._publication.stamp, self._publication.layout.position.copy()
 
     def _period(self) -> float:
         """Seconds of wall time per tick, 0 for as fast as possible."""
