@@ -100,13 +100,19 @@ def test_a_joint_that_is_not_commanded_any_more_expires_alone():
 
 def test_lockstep_takes_the_first_answer_to_the_state_outstanding():
     answers = Answers((0, 1))
-    answers.await_for(stamp=7, shown=100)
+    answers.await_for(stamp=7, shown=100, since=0)
     assert answers.admit(Command((0, 1), (1.0, 1.0), stamp=6), 150) is None, 'it answers an older state'
     assert answers.admit(Command((0, 1), (1.0, 1.0)), 99) is None, 'it was on its way before the state was shown'
     assert parts(answers.admit(Command((1, 2), (2.0, 3.0), stamp=7), 150)) == ([1, 2], [2.0, 3.0])
     assert answers.missing == {0} and not answers.complete
     assert parts(answers.admit(Command((0, 1), (4.0, 5.0)), 150)) == ([0], [4.0]), 'the first answer stands'
     assert answers.complete and answers.ignored == 2
-    answers.await_for(8, 200)
+    answers.await_for(8, 200, 0)
     assert parts(answers.admit(Command((2,), (6.0,), stamp=1), 201)) == ([2], [6.0]), 'nobody waits for joint 2'
+    assert answers.missing == {0, 1}
+    answers.again(50)
+    assert parts(answers.admit(Command((0,), (7.0,)), 60)) == ([0], [7.0]), 'the clock was set back meanwhile'
+    answers.again(90)
+    assert answers.shown == 50
+    answers.clear()
     assert answers.missing == {0, 1}

@@ -18,14 +18,27 @@ class Answers:
     def __init__(self, joints: Sequence[int]):
         self._joints = frozenset(joints)
         self.missing = set()
-        self.stamp = self.shown = 0
+        self.stamp = self.shown = self.since = 0
         self.told = False  # whether silence has been reported
         self.ignored = 0   # commands that answered nothing, since the start
 
-    def await_for(self, stamp: int, shown: int) -> None:
-        """Begin anew: wait for the answers to the state of this stamp, ns, shown at `shown`, ns since the epoch."""
-        self.stamp, self.shown, self.told = stamp, shown, False
+    def await_for(self, stamp: int, shown: int, since: int) -> None:
+        """
+        Begin anew: wait for the answers to the state of this stamp, ns.
+
+        It was shown at `shown`, ns since the epoch, by the clock that the middleware has, and at `since`, ns, by the
+        steady one.
+        """
+        self.stamp, self.shown, self.since, self.told = stamp, shown, since, False
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget the answers that have come, and wait for the same ones."""
         self.missing = set(self._joints)
+
+    def again(self, shown: int) -> None:
+        """Show the state once more: a clock that was set back meanwhile must not make all answers look old."""
+        self.shown = min(self.shown, shown)
 
     @property
     def complete(self) -> bool:

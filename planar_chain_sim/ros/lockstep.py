@@ -5,7 +5,7 @@ Nothing of it depends on the clock, so that a controller of any slowness gives t
 """
 from __future__ import annotations
 
-from time import monotonic_ns
+from time import monotonic_ns, time_ns
 
 from .answers import Answers
 from .simulator import LONGEST_SLEEP, Simulator
@@ -31,13 +31,13 @@ class LockstepSimulator(Simulator):
             return
         if now >= self._repeat_due or not self._seen and self._publication.seen():
             self._show(record=False)
-        self._report_silence(self._pacing.wall(now))
+        self._report_silence(now)
         self._intake.wait(LONGEST_SLEEP)
 
     def _report_silence(self, now: int) -> None:
         """Tell, once for a state, that commands have not come in time."""
         answers, timeout = self._answers, self._values['command_timeout']
-        waited = (now - answers.shown) * 1e-9
+        waited = (now - answers.since) * 1e-9
         if not timeout or waited < timeout or answers.told:
             return
         answers.told = True
@@ -48,12 +48,14 @@ class LockstepSimulator(Simulator):
 
     def _show(self, record: bool, publish: bool = True) -> None:
         """Show the laid out state; where it is a new one, wait for its answers from now on."""
+        now, wall = monotonic_ns(), time_ns()  # before it is out: an answer may be here before this thread goes on
         super()._show(record, publish)
         if publish:
-            now = monotonic_ns()
             self._repeat_due, self._seen = now + REPEAT_PERIOD, self._publication.seen()
             if record:
-                self._answers.await_for(self._pacing.stamp(self._simulation.tick), self._pacing.wall(now))
+                self._answers.await_for(self._pacing.stamp(self._simulation.tick), wall, now)
+            else:
+                self._answers.again(wall)
 
     def _latch(self) -> None:
         """Take the answers that have come, and tell which efforts act when all are there."""
@@ -65,4 +67,4 @@ class LockstepSimulator(Simulator):
     def _clear_commands(self) -> None:
         """Forget answers too: what a controller that has gone said last is not to be mixed with another's."""
         super()._clear_commands()
-        self._answers.await_for(self._answers.stamp, self._answers.shown)
+        self._answers.clear()
