@@ -1,9 +1,17 @@
 """When which tick is due: counted from the steady clock, never 'sleep the rest', so that lateness does not add up."""
 from __future__ import annotations
 
+import ctypes
+import sys
 from typing import Optional
 
 LONGEST_LATENESS = 100_000_000  # ns; ticks that are later than this are not caught up with, the time is dropped
+
+
+def sleep_punctually() -> None:
+    """Have the calling thread woken up when it asked to be: Linux else lets it sleep 50 us longer, to save energy."""
+    if sys.platform == 'linux':
+        ctypes.CDLL(None).prctl(29, 1, 0, 0, 0)  # PR_SET_TIMERSLACK, ns; where that fails all is as before
 
 
 def simulated_time(tick: int, step: float) -> int:

@@ -1,6 +1,7 @@
 """What the tick thread tells: states, clock and events, published and recorded, the same bytes for both."""
 from __future__ import annotations
 
+from collections import deque
 import json
 from time import monotonic_ns
 
@@ -23,7 +24,7 @@ class Publication:
         self.layout = layout = JointStateLayout(simulation.chain.joint_names, values['frame_id'])
         self._clock_layout = ClockLayout()
         self.outcome = layout.position[None], layout.velocity[None], layout.effort[None]
-        self.stamp = 0
+        self.stamp, self._waiting = 0, deque()
         self.ticks_per_state = round(values['rate'] / values['publish_rate'])
 
     def lay_out(self) -> None:
@@ -45,6 +46,8 @@ class Publication:
                 self._tick_clock(stamp, record)
             self._state.publish(data)
         self.stamp = stamp
+        while self._waiting:
+            self._events.publish(self._waiting.popleft())
 
     def _tick_clock(self, stamp: int, record: bool) -> None:
         """Publish the time before the state that bears it, so that no listener sees a state from the future."""
@@ -57,11 +60,13 @@ class Publication:
     def event(self, kind: str, **data) -> None:
         """Publish an event of the present tick and record it."""
         self.tell(kind, json.dumps(data))
+        while self._waiting:
+            self._events.publish(self._waiting.popleft())
 
     def tell(self, kind: str, data: str) -> None:
-        """Publish and record an event with its data in JSON."""
+        """Record an event with its data in JSON, and publish it when the next state is out, which must not wait."""
         message = encode_string(f'{{"tick": {self._simulation.tick}, "kind": "{kind}", "data": {data}}}')
-        self._events.publish(message)
+        self._waiting.append(message)
         if self._log:
             now = self._pacing.wall(monotonic_ns())
             self._log.write(self._events_topic, message, now, now)

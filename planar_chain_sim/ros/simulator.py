@@ -15,7 +15,7 @@ from typing import Optional
 
 from .command_intake import CommandIntake
 from .measurement import Meter
-from .pacing import LONGEST_LATENESS, Pacing
+from .pacing import LONGEST_LATENESS, Pacing, sleep_punctually
 from .publication import Publication
 from ..changes import apply_change, QUANTITIES, to_json
 from ..dynamics import SimulationError
@@ -98,6 +98,7 @@ class Simulator:
 
     def _run_guarded(self) -> None:
         try:
+            sleep_punctually()
             self._run()
         except BaseException as error:
             self._done(error)
@@ -171,9 +172,9 @@ class Simulator:
                               position=error.position.tolist(), velocity=error.velocity.tolist())
             self._logger.error(f'{error}; ~/reset goes on from the initial state')
             return False
+        self._show(record=True, publish=publish or not simulation.tick % publication.ticks_per_state)
         layout = publication.layout
         self._meter.balance.add(layout.position, layout.velocity, layout.effort)
-        self._show(record=True, publish=publish or not simulation.tick % publication.ticks_per_state)
         return True
 
     def _show(self, record: bool, publish: bool = True) -> None:
