@@ -133,6 +133,7 @@ def test_silence_is_reported_and_the_outstanding_state_repeated(peer):
     answer(peer, second, [JOINTS[0]])
     peer.until(lambda: [e for e in events(peer, 'command_timeout') if e['tick'] == 1 and e['data']['joints']
                         == [JOINTS[3]]])
+    peer.new_state()   # a second later
     assert len([event for event in events(peer, 'command_timeout') if event['tick'] == 1]) == 1
 
 
