@@ -47,7 +47,11 @@ class EnergyBalance:
             self.fold()
 
     def fold(self) -> None:
-        """Bring the sums and the error up to the last tick."""
+        """Bring the sums and the error up to the last tick; both may overflow before the state itself does."""
+        with np.errstate(all='ignore'):
+            self._fold()
+
+    def _fold(self) -> None:
         count = self._count
         position, velocity = self._position[:count + 1], self._velocity[:count + 1]
         travel = np.diff(position, axis=0)

@@ -19,6 +19,7 @@ from .urdf_writer import UNLIMITED
 PARALLEL = 1e-6     # rad; texts often have five or six digits
 TINY = 1e-12        # m, kg m^2: what is smaller is the rounding of a turned frame
 GRAVITY = 9.81      # m/s^2 along -z, as everywhere where URDF is used
+NOT_PLANAR = 'the robot is not planar, must be'
 KINDS = ('fixed', 'continuous', 'revolute', 'prismatic')
 
 
@@ -71,7 +72,7 @@ def _parse(text: str, name: str):
             robot.get_root()
     except Exception as error:  # of no common class
         reason = clipped(' '.join(str(error).split()) or type(error).__name__, 160)
-        raise ChainError(f'{name}: is not valid URDF ({reason})') from None
+        raise ChainError(f'{name}: is not valid URDF ({reason}), must be that of a robot') from None
     return robot
 
 
@@ -80,16 +81,16 @@ def _in_order(robot, name: str) -> list:
     placed, waiting, ordered = {robot.get_root()}, list(robot.joints), []
     links = {link.name for link in robot.links}
     if len(links) < len(robot.links) or len({joint.name for joint in waiting}) < len(waiting):
-        raise ChainError(f'{name}: has two links or two joints of the same name')
+        raise ChainError(f'{name}: has two links or two joints of the same name, must have different ones')
     for joint in waiting:
         where = f"{name}: joint '{clipped(joint.name)}'"
         if joint.type not in KINDS:
             raise ChainError(f'{where} is of type {joint.type!r}, must be one of {", ".join(KINDS)}: '
-                             'the robot is not planar')
+                             f'{NOT_PLANAR}')
         if joint.mimic is not None:
             raise ChainError(f"{where} mimics '{clipped(joint.mimic.joint)}', must move on its own")
         if not {joint.parent, joint.child} <= links:
-            raise ChainError(f'{where} names a link that is not there')
+            raise ChainError(f'{where} names a link that is not there, must name two of the robot')
     while waiting:
         joint = next((joint for joint in waiting if joint.parent in placed and joint.child not in placed), None)
         if joint is None:
@@ -124,7 +125,7 @@ def _place(robot, joints, name: str) -> dict:
         own_turn, own_shift = _frame(joint.origin)
         places[joint.child] = turn @ own_turn, shift + turn @ own_shift
         if not all(np.isfinite(part).all() for part in places[joint.child]):
-            raise ChainError(f"{name}: joint '{clipped(joint.name)}' has an origin that is not finite")
+            raise ChainError(f"{name}: joint '{clipped(joint.name)}' has an origin that is not finite, must be")
     return places
 
 
@@ -156,11 +157,11 @@ def _plane(joints, places, name: str) -> np.ndarray:
     for joint in turning:
         if np.linalg.norm(np.cross(normal, _axis(joint, places, name))) > PARALLEL:
             raise ChainError(f"{name}: joint '{clipped(joint.name)}' does not turn parallel to "
-                             f"'{clipped(turning[0].name)}': the robot is not planar")
+                             f"'{clipped(turning[0].name)}': {NOT_PLANAR}")
     for joint in sliding:
         if abs(normal @ _axis(joint, places, name)) > PARALLEL:
             raise ChainError(f"{name}: joint '{clipped(joint.name)}' slides out of the plane of the others: "
-                             'the robot is not planar')
+                             f'{NOT_PLANAR}')
     y = up - (up @ normal) * normal
     if np.linalg.norm(y) < PARALLEL:
         y = np.cross(normal, [1.0, 0.0, 0.0])

@@ -181,7 +181,7 @@ def test_what_is_no_planar_robot_is_refused_by_the_joint(changes, sentence):
     with pytest.raises(pcs.ChainError) as refusal:
         read(**changes)
     assert str(refusal.value).startswith('r.urdf: ') and sentence in str(refusal.value)
-    assert '\n' not in str(refusal.value)
+    assert ', must' in str(refusal.value) and str(refusal.value).isprintable()
 
 
 @pytest.mark.parametrize('text, sentence', [
@@ -199,7 +199,8 @@ def test_what_is_no_planar_robot_is_refused_by_the_joint(changes, sentence):
 def test_texts_that_are_no_robot_are_one_sentence(text, sentence):
     with pytest.raises(pcs.ChainError) as refusal:
         chain_from_text(text)
-    assert sentence in str(refusal.value) and '\n' not in str(refusal.value), refusal.value
+    assert sentence in str(refusal.value) and ', must' in str(refusal.value), refusal.value
+    assert str(refusal.value).isprintable()
 
 
 def torn(random, text):
@@ -224,7 +225,7 @@ def test_a_torn_text_is_a_chain_or_a_sentence():
             chain_from_text(torn(np.random.default_rng(seed), urdf_of(CHAINS[seed % 4])))
         except pcs.ChainError as error:
             refused += 1
-            assert '\n' not in str(error) and len(str(error)) < 600
+            assert ', must' in str(error) and str(error).isprintable() and len(str(error)) < 600
     assert 100 < refused < 300
 
 
