@@ -48,10 +48,14 @@ BENCH_FOLDER := build/benchmark
 bench: $(BENCH_READY)
 	@exec $(VENV)/bin/benchmark $(or $(ARGS),all --folder $(BENCH_FOLDER))
 
-# What tries to break the integrator, at full length.
-soak: $(BENCH_READY)
+# What takes too long for every day: scenes that try to break the integrator, stop signals twenty times each, a flood of
+# 1e5 commands, ten minutes under full load.
+soak: $(BENCH_READY) $(TEST_READY)
 	@mkdir -p $(BENCH_FOLDER)
-	@exec $(VENV)/bin/benchmark stability --csv $(BENCH_FOLDER)/stability.csv --peers MuJoCo
+	$(VENV)/bin/benchmark stability --csv $(BENCH_FOLDER)/stability.csv --peers MuJoCo
+	SOAK=20 $(PY) -m pytest test/test_node_process.py test/test_neighbours.py -k 'stop_signal or flood'
+	$(PY) -m planar_chain_sim.benchmark.soak --rate 1000 --seconds 600
+	$(PY) -m planar_chain_sim.benchmark.soak --rate 2000 5000 --seconds 60
 
 # The kernel for another kind of processor, emulated, against the one here: needs a cross compiler and qemu-user.
 aarch64: $(RUN_READY)

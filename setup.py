@@ -57,12 +57,13 @@ setup(
         'numpy>=1.22',  # states and efforts; the reference form of the equations
         'pyyaml',       # the chain file
         'tqdm',         # progress of rollout and resimulate
+        'urdfdom-py',   # a robot's URDF, by the parser that ROS itself ships and keeps (module urdf_parser_py)
     ],
     extras_require={
         # ROS 2 Jazzy as wheels, for a machine without ROS; one with ROS from apt must not pull them.
         'ros': [
             'ros-jazzy-rclpy',
-            'ros-jazzy-common-interfaces',   # sensor_msgs, std_msgs, std_srvs
+            'ros-jazzy-common-interfaces',   # sensor_msgs, std_msgs, std_srvs, diagnostic_msgs, visualization_msgs
             'ros-jazzy-rmw-fastrtps-cpp',    # a real DDS: Jazzy's default
         ],
         'test': [
@@ -72,6 +73,8 @@ setup(
             'sympy',                     # Lagrange's equations from positions alone, symbolically
             'matplotlib',                # pictures: that they can be drawn
             'mujoco', 'pin',             # independent dynamics libraries as oracles
+            'yourdfpy',                  # an independent reader of URDF
+            'cyclonedds',                # another vendor's DDS, a client of the node
             'rosbags', 'mcap-ros2-support',  # independent readers of the log
             'colcon-common-extensions',  # the ROS 2 build, both layouts
             'setuptools<80',             # 80 dropped `develop --editable`, without which colcon cannot symlink
@@ -87,6 +90,7 @@ setup(
     },
     entry_points={'console_scripts': [
         f'simulator = {NAME}.ros.node:main',
+        f'example_controller = {NAME}.ros.example_controller:main',
         f'replay = {NAME}.ros.replay:main',
         f'rollout = {NAME}.recording.rollout:main',
         f'resimulate = {NAME}.recording.resimulation:main',

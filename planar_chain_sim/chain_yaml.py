@@ -35,7 +35,7 @@ CONSTANTS = {'': None, '~': None, 'null': None, 'Null': None, 'NULL': None,
 
 def load_chain(path: Union[str, os.PathLike]) -> Chain:
     """
-    Return the chain of a YAML file.
+    Return the chain of a YAML file, or of a URDF of a planar robot.
 
     A relative path is looked for in the working directory, then among the chains that come with the package (see
     `find_chain_file`). ChainError, one sentence, for a file that cannot be read or a chain that cannot be.
@@ -55,7 +55,7 @@ def load_chain(path: Union[str, os.PathLike]) -> Chain:
 
 
 def chain_from_text(text: Union[str, bytes], name: str = '<text>') -> Chain:
-    """Return the chain of a YAML text (bytes: UTF-8); `name` stands for the file in ChainError sentences."""
+    """Return the chain of a text, YAML or URDF (bytes: UTF-8); `name` is the file's in ChainError sentences."""
     if len(text) > MAX_BYTES:
         raise ChainError(f'{name}: is longer than {MAX_BYTES // 2**20} MiB, must be a chain file in YAML')
     if isinstance(text, bytes):
@@ -68,6 +68,9 @@ def chain_from_text(text: Union[str, bytes], name: str = '<text>') -> Chain:
     if strange:
         line = text.count('\n', 0, strange.start()) + 1
         raise ChainError(f'{name} line {line}: holds the character {strange.group()!r}, must be printable text')
+    if text.lstrip().startswith('<'):   # no YAML mapping does
+        from .urdf_reader import chain_from_urdf
+        return chain_from_urdf(text, name)
     return build_chain(Composer(name).compose(text), name, text)
 
 

@@ -1,4 +1,4 @@
-"""Pictures of a motion: the arm at several times over one another, and its joints against time."""
+"""Pictures of a motion: the arm at several times over one another, its joints against time; a log's joints."""
 from __future__ import annotations
 
 import sys
@@ -74,17 +74,54 @@ def draw_motion(chain: Chain, run: Run, path: str, moments: int = 26, shown: flo
     pyplot.close(figure)
 
 
+def draw_log(log, path: str) -> None:
+    """
+    Write a picture of a log (PNG or SVG by the ending of `path`): positions and efforts of its joints against time.
+
+    OSError where the file cannot be written; LogError where the log cannot be read.
+    """
+    import matplotlib
+    matplotlib.use('Agg')
+    from matplotlib import pyplot
+
+    from .recording.cdr import decode_joint_state
+    from .recording.run_settings import simulation_of
+
+    chain, topic = simulation_of(log).chain, log.settings['state_topic']
+    states = [decode_joint_state(message.data) for message in log.messages if message.topic == topic]
+    time = np.array([state.stamp - states[0].stamp for state in states]) * 1e-9
+    figure, axes = pyplot.subplots(2, 1, figsize=(9.0, 5.4), sharex=True, facecolor=PAPER)
+    for rows, quantity, units in zip(axes, ('position', 'effort'), (('m', 'rad'), ('N', 'N m'))):
+        values = np.array([getattr(state, quantity) for state in states])
+        for k, joint in enumerate(chain.joints):
+            slide = joint.kind == 'slide'
+            rows.plot(time, values[:, k], '--' if slide else '-', color=COLORS[k % len(COLORS)], linewidth=1.2,
+                      label=f'{joint.name}, {units[0 if slide else 1]}')
+        rows.set(title=f'joint {quantity}s', xlim=(0.0, time[-1]))
+        rows.legend(frameon=False, fontsize=8, loc='upper right', ncols=2)
+        rows.grid(alpha=0.25)
+        rows.spines[['top', 'right']].set_visible(False)
+    axes[-1].set(xlabel='time, s')
+    figure.tight_layout()
+    figure.savefig(path, dpi=110)
+    pyplot.close(figure)
+
+
 def _picture(arguments) -> int:
     program = 'python -m planar_chain_sim.pictures'
-    parser = Parser(program, 'Draw how a chain moves from its initial state with no effort.',
+    parser = Parser(program, 'Draw how a chain moves from its initial state with no effort, or what a log holds.',
                     f'{program} config/four_link_robot.yaml docs/four_link_robot.png')
-    parser.add_argument('chain', help='chain file')
+    parser.add_argument('chain', help='chain file, or an MCAP log')
     parser.add_argument('output', help='PNG or SVG file')
     parser.add_argument('--duration', type=float, default=12.0, metavar='S', help='simulated time, s; default 12')
     options = parser.parse_args(arguments)
-    chain = load_chain(options.chain)
     try:
-        draw_motion(chain, rollout(chain, options.duration), options.output)
+        if options.chain.endswith('.mcap'):
+            from .recording.log_reader import read_log
+            draw_log(read_log(options.chain), options.output)
+        else:
+            chain = load_chain(options.chain)
+            draw_motion(chain, rollout(chain, options.duration), options.output)
     except OSError as error:
         raise Mistake(f'{options.output!r}: {error.strerror}') from None
     except ImportError as error:

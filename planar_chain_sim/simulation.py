@@ -109,6 +109,7 @@ class Simulation:
         self._stepper = _kernel.Stepper(plan_of(chain).model, method_data(self._row, self.tolerance), self.step,
                                         self.form == 'dense')
         self._tick, self._between = 0, None
+        self._counted, self._untaken = (0, 0, 0, 0), []   # of steppers that a changed chain has replaced
         self.set_state(*initial_state(chain))
 
     def _resolve_form(self, form: str) -> tuple[str, str]:
@@ -164,12 +165,14 @@ class Simulation:
     @property
     def statistics(self) -> dict:
         """Counts since the start: evaluations, steps, rejected steps, events."""
-        return dict(zip(('evaluations', 'steps', 'rejected_steps', 'events'), self._stepper.counts))
+        return dict(zip(('evaluations', 'steps', 'rejected_steps', 'events'), self._counts()))
 
     def take_events(self) -> list[JointEvent]:
         """Return stops touched and left, joints stuck and slipped since the last call; at most 4096 are kept."""
-        return [JointEvent(tick, tick * self.step + offset, EVENT_KINDS[kind], self.chain.joint_names[joint], speed)
-                for tick, offset, kind, joint, speed in self._stepper.take_events()]
+        untaken, self._untaken = self._untaken, []
+        return untaken + [
+            JointEvent(tick, tick * self.step + offset, EVENT_KINDS[kind], self.chain.joint_names[joint], speed)
+            for tick, offset, kind, joint, speed in self._stepper.take_events()]
 
     @property
     def plan(self) -> str:
@@ -191,6 +194,24 @@ class Simulation:
             position = joint_array('position', position, shape)
             refuse_beyond_stops(self.chain, position)
             self._stepper.put_state(position, joint_array('velocity', velocity, shape))
+
+    def replace_chain(self, chain: Chain) -> None:
+        """
+        Go on from here with a chain that differs in gravity or in the numbers of its joints' laws alone.
+
+        Time, state and hidden round-off terms stay, as do method and form; an adaptive method starts its steps anew.
+        ValueError, and nothing is changed: other joints.
+        """
+        if chain.joint_names != self.chain.joint_names:
+            raise ValueError(f'chain {chain.name!r} has other joints than {self.chain.name!r}, must have the same')
+        fresh = Simulation(chain, self.method, self.step, self.tolerance, self.form)
+        *state, _ = self._stepper.save()   # without the step that looked ahead
+        fresh._stepper.load(*state, fresh._stepper.save()[-1])
+        self._counted, self._untaken = self._counts(), self.take_events()
+        self.chain, self._stepper = chain, fresh._stepper
+
+    def _counts(self) -> tuple:
+        return tuple(before + count for before, count in zip(self._counted, self._stepper.counts))
 
     def advance(self, ticks: int, effort=None, record: Optional[tuple] = None) -> None:
         """

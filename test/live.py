@@ -10,6 +10,9 @@ import time
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.parameter_client import AsyncParameterClient
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
@@ -101,7 +104,7 @@ class Peer:
         self.node = Node('peer', context=self.context)
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
-        self.states, self.events = [], []
+        self.states, self.events, self.listening = [], [], []
         full_name = f'{namespace}/{name}'
         # Polled, not spun: an executor takes longer over a message than a 1 kHz node takes to send the next.
         self.states_in = self.node.create_subscription(JointState, f'{namespace}/joint_states', _never_called, 1000,
@@ -110,6 +113,7 @@ class Peer:
                                                        callback_group=PolledGroup())
         self.commands = self.node.create_publisher(Float64MultiArray, f'{full_name}/commands', 64)
         self.joint_commands = self.node.create_publisher(JointState, f'{full_name}/joint_commands', 64)
+        self.parameters = AsyncParameterClient(self.node, full_name)
         self.services = {'reset': self.node.create_client(Trigger, f'{full_name}/reset'),
                          'step': self.node.create_client(Trigger, f'{full_name}/step'),
                          'pause': self.node.create_client(SetBool, f'{full_name}/pause')}
@@ -124,7 +128,7 @@ class Peer:
 
     def poll(self):
         """Take all messages that have come."""
-        for subscription, taken in ((self.states_in, self.states), (self.events_in, self.events)):
+        for subscription, taken in ((self.states_in, self.states), (self.events_in, self.events), *self.listening):
             with subscription.handle:
                 while (message := subscription.handle.take_message(subscription.msg_type, False)) is not None:
                     taken.append(message[0])
@@ -146,6 +150,26 @@ class Peer:
         for client in self.services.values():
             self.until(client.service_is_ready, 'a service')
         return self
+
+    def listen(self, message, topic, latched=False):
+        """Return a list that poll() fills with the messages of a topic."""
+        taken = []
+        qos = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else
+                         DurabilityPolicy.VOLATILE)
+        self.listening.append((self.node.create_subscription(message, topic, _never_called, qos,
+                                                             callback_group=PolledGroup()), taken))
+        return taken
+
+    def ask(self, future, what='an answer'):
+        """Return what a service answers."""
+        self.until(future.done, what)
+        return future.result()
+
+    def set(self, **values):
+        """Set parameters, each on its own, and return (success, reason) of each."""
+        self.until(self.parameters.services_are_ready, 'the parameter services')
+        response = self.ask(self.parameters.set_parameters([Parameter(k, value=v) for k, v in values.items()]))
+        return [(result.successful, result.reason) for result in response.results]
 
     def call(self, service, *data):
         """Call a service and return (success, message)."""

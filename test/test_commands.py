@@ -3,7 +3,8 @@ import numpy as np
 import pytest
 
 from planar_chain_sim.recording.cdr import encode_float64_multi_array, JointStateLayout
-from planar_chain_sim.ros.commands import CommandError, HeldEffort
+from planar_chain_sim.ros.answers import Answers
+from planar_chain_sim.ros.commands import Command, CommandError, CommandReader, HeldEffort
 
 IN_ORDER, BY_NAME = 'std_msgs/msg/Float64MultiArray', 'sensor_msgs/msg/JointState'
 
@@ -15,65 +16,103 @@ def joint_state(**efforts):
 
 
 @pytest.fixture
-def held():
-    held = HeldEffort(['a', 'b', 'c'])
-    assert held.take(IN_ORDER, encode_float64_multi_array([1.0, 2.0, 3.0]))
-    return held
+def reader():
+    return CommandReader(['a', 'b', 'c'])
 
 
-def test_before_the_first_command_effort_is_zero():
-    assert HeldEffort(['a', 'b']).effort.tolist() == [0.0, 0.0]
+def parts(command):
+    return list(command.joints), list(command.efforts)
 
 
-def test_in_order(held):
-    assert held.effort.tolist() == [1.0, 2.0, 3.0]
+def test_in_order(reader):
+    assert parts(reader.read(IN_ORDER, encode_float64_multi_array([1.0, 2.0, 3.0]))) == ([0, 1, 2], [1.0, 2.0, 3.0])
 
 
-def test_by_name_others_keep_theirs(held):
-    assert held.take(BY_NAME, joint_state(c=-3.0, a=9.0))
-    assert held.effort.tolist() == [9.0, 2.0, -3.0] and held.unknown == ()
+def test_by_name_in_the_order_of_the_message_with_its_stamp(reader):
+    layout = JointStateLayout(['c', 'a'])
+    layout.effort[:] = -3.0, 9.0
+    layout.set_stamp(1_000_000_007)
+    command = reader.read(BY_NAME, layout.to_bytes())
+    assert parts(command) == ([2, 0], [-3.0, 9.0]) and command.unknown == () and command.stamp == 1_000_000_007
 
 
-def test_unknown_names_are_told_and_the_rest_acts(held):
-    assert held.take(BY_NAME, joint_state(x=7.0, b=5.0))
-    assert held.effort.tolist() == [1.0, 5.0, 3.0] and held.unknown == ('x',)
-    assert not held.take(BY_NAME, joint_state(x=7.0))
-    assert held.take(BY_NAME, joint_state(b=6.0)) and held.unknown == ()
+def test_unknown_names_are_told_and_the_rest_acts(reader):
+    command = reader.read(BY_NAME, joint_state(x=7.0, b=5.0))
+    assert parts(command) == ([1], [5.0]) and command.unknown == ('x',)
+    assert parts(reader.read(BY_NAME, joint_state(x=7.0))) == ([], [])
 
 
-def test_positions_alone_command_nothing(held):
+def test_positions_alone_command_nothing(reader):
     data = joint_state(a=1.0)
     without_effort = data[:-16] + bytes(4)   # instead of count, gap and value
-    assert not held.take(BY_NAME, without_effort)
-    assert held.effort.tolist() == [1.0, 2.0, 3.0]
+    assert parts(reader.read(BY_NAME, without_effort)) == ([], [])
 
 
-@pytest.mark.parametrize('values, sentence', [
-    ([1.0, 2.0], 'it has 2 efforts, must have 3, one for every joint'),
-    ([1.0, 2.0, 3.0, 4.0], 'it has 4 efforts, must have 3, one for every joint'),
-    ([], 'it has 0 efforts, must have 3, one for every joint'),
-    ([1.0, np.nan, 3.0], 'its effort 1 is nan, must be finite'),
-    ([1.0, 2.0, -np.inf], 'its effort 2 is -inf, must be finite')])
-def test_refused_in_order(held, values, sentence):
+@pytest.mark.parametrize('values, reason, sentence', [
+    ([1.0, 2.0], 'wrong length', 'it has 2 efforts, must have 3, one for every joint'),
+    ([1.0, 2.0, 3.0, 4.0], 'wrong length', 'it has 4 efforts, must have 3, one for every joint'),
+    ([], 'wrong length', 'it has 0 efforts, must have 3, one for every joint'),
+    ([1.0, np.nan, 3.0], 'not finite', 'its effort 1 is nan, must be finite'),
+    ([1.0, 2.0, -np.inf], 'not finite', 'its effort 2 is -inf, must be finite'),
+    ([0.0] * 2**17, 'too long', 'it has 1048596 bytes, must have at most 1048576')])
+def test_refused_in_order(reader, values, reason, sentence):
     with pytest.raises(CommandError) as refusal:
-        held.take(IN_ORDER, encode_float64_multi_array(values))
-    assert str(refusal.value) == sentence
-    assert held.effort.tolist() == [1.0, 2.0, 3.0]
+        reader.read(IN_ORDER, encode_float64_multi_array(values))
+    assert (refusal.value.reason, str(refusal.value)) == (reason, sentence)
 
 
-def test_refused_by_name_as_a_whole(held):
+def test_refused_by_name_as_a_whole(reader):
     with pytest.raises(CommandError, match='its effort 1 is nan, must be finite'):
-        held.take(BY_NAME, joint_state(a=5.0, x=np.nan))
+        reader.read(BY_NAME, joint_state(a=5.0, x=np.nan))
     ragged = bytearray(joint_state(a=5.0, b=6.0))
     ragged[-24] = 1                          # the count of the effort: one value for two names
     with pytest.raises(CommandError, match='it has 1 efforts for 2 names, must have as many'):
-        held.take(BY_NAME, bytes(ragged))
-    assert held.effort.tolist() == [1.0, 2.0, 3.0]
+        reader.read(BY_NAME, bytes(ragged))
 
 
 @pytest.mark.parametrize('type_name', [IN_ORDER, BY_NAME])
 @pytest.mark.parametrize('data', [b'', b'\0\1', bytes(11), b'\0\1\0\0' + b'\xff' * 40])
-def test_malformed_bytes_are_refused(held, type_name, data):
-    with pytest.raises(CommandError):
-        held.take(type_name, data)
-    assert held.effort.tolist() == [1.0, 2.0, 3.0]
+def test_malformed_bytes_are_refused(reader, type_name, data):
+    with pytest.raises(CommandError) as refusal:
+        reader.read(type_name, data)
+    assert refusal.value.reason == 'malformed'
+
+
+def test_held_until_the_next_and_zero_before_the_first():
+    held = HeldEffort(3)
+    assert held.effort.tolist() == [0.0, 0.0, 0.0] and not held.commanded
+    held.hold(Command((0, 1, 2), (1.0, 2.0, 3.0)), 0)
+    held.hold(Command((1,), (5.0,)), 4)
+    assert held.effort.tolist() == [1.0, 5.0, 3.0] and held.commanded
+    held.clear()
+    assert held.effort.tolist() == [0.0, 0.0, 0.0] and not held.commanded
+
+
+def test_a_joint_that_is_not_commanded_any_more_expires_alone():
+    held = HeldEffort(3)
+    held.hold(Command((0, 1), (1.0, 2.0)), 10)
+    held.hold(Command((1,), (4.0,)), 12)
+    assert held.expire(19, 10) == [] and held.effort.tolist() == [1.0, 4.0, 0.0]
+    assert held.expire(20, 10) == [0] and held.effort.tolist() == [0.0, 4.0, 0.0]
+    assert held.expire(30, 10) == [1] and held.expire(99, 10) == []
+    assert held.effort.tolist() == [0.0, 0.0, 0.0]
+
+
+def test_lockstep_takes_the_first_answer_to_the_state_outstanding():
+    answers = Answers((0, 1))
+    answers.await_for(stamp=7, shown=100, since=0)
+    assert answers.admit(Command((0, 1), (1.0, 1.0), stamp=6), 150) is None, 'it answers an older state'
+    assert answers.admit(Command((0, 1), (1.0, 1.0)), 99) is None, 'it was on its way before the state was shown'
+    assert parts(answers.admit(Command((1, 2), (2.0, 3.0), stamp=7), 150)) == ([1, 2], [2.0, 3.0])
+    assert answers.missing == {0} and not answers.complete
+    assert parts(answers.admit(Command((0, 1), (4.0, 5.0)), 150)) == ([0], [4.0]), 'the first answer stands'
+    assert answers.complete and answers.ignored == 2
+    answers.await_for(8, 200, 0)
+    assert parts(answers.admit(Command((2,), (6.0,), stamp=1), 201)) == ([2], [6.0]), 'nobody waits for joint 2'
+    assert answers.missing == {0, 1}
+    answers.again(50)
+    assert parts(answers.admit(Command((0,), (7.0,)), 60)) == ([0], [7.0]), 'the clock was set back meanwhile'
+    answers.again(90)
+    assert answers.shown == 50
+    answers.clear()
+    assert answers.missing == {0, 1}

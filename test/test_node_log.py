@@ -176,3 +176,27 @@ def test_decimated_publishing_still_logs_every_tick(tmp_path):
     assert {stamps[stamp_ns(state)] % 10 for state in peer.states} == {0}
     code, output = resimulate(path)
     assert code == 0, output
+
+
+BOUNCING = """
+name: bouncing
+bodies:
+  - {name: block, carrier: base, mass: 1.0, inertia_com: 0.1, slide: {joint: fall, axis: 1.5707963267948966, lower: 0.0,
+     restitution: 0.5, position: 0.2}}
+  - {name: arm, carrier: base, mass: 1.0, center_of_mass: [0.5, 0.0], inertia: 0.4, rotation: {joint: swing, friction: 1.0}}
+"""
+
+
+def test_stops_and_sticking_are_events_of_the_log_that_runs_again(tmp_path):
+    chain, path = tmp_path / 'bouncing.yaml', tmp_path / 'run.mcap'
+    chain.write_text(BOUNCING)
+    with simulator(chain_file=chain, record=path) as process, Peer() as peer:
+        peer.until(lambda: len(peer.states) > 1500)
+        assert process.stop() == 0, process.output
+    told = [event for event in events(path) if event['kind'] == 'stop_touched']
+    assert len(told) > 5 and {event['data']['joint'] for event in told} == {'fall'}
+    assert abs(told[0]['data']['time'] - (0.4 / 9.81)**0.5) < 1e-9
+    assert told[0]['tick'] == int(told[0]['data']['time'] * 1000.0)
+    assert 'stuck' in {event['kind'] for event in events(path) if event['data'].get('joint') == 'swing'}
+    code, words = resimulate(path)
+    assert code == 0, words

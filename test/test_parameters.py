@@ -5,8 +5,13 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
+from planar_chain_sim import load_chain
 from planar_chain_sim.command_line import Mistake
-from planar_chain_sim.ros.parameters import declare_parameters, PARAMETERS
+from planar_chain_sim.ros.parameters import declare_chain_parameters, declare_parameters, let_set, PARAMETERS
+
+
+CHAIN = load_chain('double_pendulum.yaml')
+JOINTS = list(CHAIN.joint_names)
 
 
 @pytest.fixture(scope='module')
@@ -34,16 +39,18 @@ def declared(context):
 
 def test_defaults(declared):
     values, node = declared()
-    assert values == {row.name: row.default for row in PARAMETERS}
+    assert values == {**{row.name: row.default for row in PARAMETERS if not row.of_chain}, 'publish_rate': 1000.0}
     assert values['rate'] == 1000.0 and values['chain_file'] == 'four_link_robot.yaml'
     assert values['on_controller_loss'] == 'zero' and values['record'] == ''
 
 
-def test_every_parameter_is_described_and_read_only(declared):
+def test_every_parameter_is_described_and_read_only_where_no_change_acts(declared):
     _, node = declared('rate:=500.0')
+    declare_chain_parameters(node, CHAIN)
     for row in PARAMETERS:
         descriptor = node.describe_parameter(row.name)
-        assert descriptor.description == row.description and descriptor.read_only
+        assert descriptor.description == row.description and descriptor.read_only != row.live
+        assert descriptor.type == node.get_parameter(row.name).type_.value == row.type.value
         if row.limits:
             limits, = descriptor.floating_point_range
             assert (limits.from_value, limits.to_value) == row.limits
@@ -67,7 +74,10 @@ def test_whole_numbers_are_taken_where_numbers_are_meant(declared):
     ('rate:=true', "parameter 'rate' is True, must be a number"),
     ('publish_rate:=300', "parameter 'publish_rate' is 300.0, must be 0 or `rate` (1000.0) divided by a whole number"),
     ('publish_rate:=2e3', "parameter 'publish_rate' is 2000.0, must be 0 or `rate` (1000.0) divided by a whole number"),
-    ('real_time_factor:=0', "parameter 'real_time_factor' is 0.0, must be from 0.001 to 1000"),
+    ('real_time_factor:=-1', "parameter 'real_time_factor' is -1.0, must be from 0 to 1000"),
+    ('tolerance:=2', "parameter 'tolerance' is 2.0, must be from 0 to 1"),
+    ('command_timeout:=-0.1', "parameter 'command_timeout' is -0.1, must be from 0 to 1e+06"),
+    ('lockstep:=1', "parameter 'lockstep' is 1, must be true or false"),
     ('start_paused:=1', "parameter 'start_paused' is 1, must be true or false"),
     ('chain_file:=7', "parameter 'chain_file' is 7, must be a text"),
     ('frame_id:=[a,b]', "parameter 'frame_id' is ['a', 'b'], must be a text"),
@@ -85,3 +95,54 @@ def test_a_slip_in_a_name_is_told(declared, capfd):
     told = capfd.readouterr().err
     assert "parameter 'rat' is not known and has no effect, did you mean 'rate'?" in told
     assert 'something_else' not in told
+
+
+def test_the_chain_gives_defaults_and_only_what_was_given_is_returned(declared):
+    _, node = declared('gravity:=[0,-5]', 'effort_limit:=[.inf, 3.0]')
+    assert declare_chain_parameters(node, CHAIN) == {
+        'gravity': [0.0, -5.0], 'effort_limit': [float('inf'), 3.0], 'lockstep_joints': JOINTS}
+    assert list(node.get_parameter('damping').value) == [joint.damping for joint in CHAIN.joints]
+    assert list(node.get_parameter('gravity').value) == [0.0, -5.0]
+
+
+@pytest.mark.parametrize('parameter, sentence', [
+    ('gravity:=[1.0]', "parameter 'gravity' has 1 values, must have 2 (m/s^2, [x, y])"),
+    ('gravity:=9.81', "parameter 'gravity' is 9.81, must be a list of numbers"),
+    ('gravity:=[.nan, 1.0]', "parameter 'gravity' is nan in one place, must be finite numbers (m/s^2, [x, y])"),
+    ('damping:=[-1.0, 1.0]', "parameter 'damping' is -1.0 in one place, must be finite numbers >= 0 "
+     '(N m s/rad or N s/m, in joint order)'),
+    ('effort_limit:=[a, b]', "parameter 'effort_limit' is ['a', 'b'], must be a list of numbers"),
+    ('lockstep_joints:=[elbow]', "parameter 'lockstep_joints' names 'elbow', must name joints of the chain: "
+     + ', '.join(JOINTS))])
+def test_a_bad_value_for_the_chain_is_one_sentence(declared, parameter, sentence):
+    _, node = declared(parameter)
+    with pytest.raises(Mistake) as mistake:
+        declare_chain_parameters(node, CHAIN)
+    assert str(mistake.value) == sentence
+
+
+def test_live_parameters_are_converted_checked_and_applied_all_or_none(declared):
+    _, node = declared()
+    declare_chain_parameters(node, CHAIN)
+    applied = []
+    let_set(node, CHAIN, lambda name, value: (applied.append((name, value)) or True, ''))
+    results = node.set_parameters([Parameter('gravity', value=[0, -2]), Parameter('real_time_factor', value=2)])
+    assert all(result.successful for result in results), results
+    assert applied == [('gravity', [0.0, -2.0]), ('real_time_factor', 2.0)]
+    assert node.get_parameter('gravity').type_ == Parameter.Type.DOUBLE_ARRAY
+    outcome = node.set_parameters_atomically([Parameter('gravity', value=[1.0, 1.0]),
+                                              Parameter('damping', value=[1.0, -1.0])])
+    assert not outcome.successful and 'must be finite numbers >= 0' in outcome.reason
+    assert len(applied) == 2 and list(node.get_parameter('gravity').value) == [0.0, -2.0]
+    for name, value in (('on_controller_loss', 'stop'), ('gravity', [1.0]), ('gravity', 'down'), ('rate', 5.0)):
+        assert not node.set_parameters([Parameter(name, value=value)])[0].successful
+    assert len(applied) == 2
+
+
+def test_what_the_simulator_refuses_is_not_set(declared):
+    _, node = declared()
+    declare_chain_parameters(node, CHAIN)
+    let_set(node, CHAIN, lambda name, value: (False, 'no'))
+    outcome, = node.set_parameters([Parameter('command_timeout', value=1.0)])
+    assert not outcome.successful and outcome.reason == 'no'
+    assert node.get_parameter('command_timeout').value == 0.0

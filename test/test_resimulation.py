@@ -244,3 +244,12 @@ def test_without_ros_everything_but_the_node_works(tmp_path):
     assert 'equal: 501 states' in done.stdout
     assert done.stderr.count('\n') == 1 and done.stderr.startswith('simulator: ') and 'ROS 2' in done.stderr
     assert Path(tmp_path / 'run.mcap').exists()
+
+
+def test_a_tolerance_is_kept_with_the_log(tmp_path, capsys):
+    path = tmp_path / 'run.mcap'
+    assert rollout.main([ROBOT, '--duration', '0.2', '--tolerance', '1e-5', '--output', str(path)]) == 0
+    assert float.fromhex(read_log(path).settings['tolerance']) == 1e-5
+    assert resimulation.main([str(path)]) == 0
+    assert rollout.main([ROBOT, '--method', 'rk4', '--tolerance', '1e-5', '--output', str(tmp_path / 'no')]) == 2
+    assert "method 'rk4' has a fixed step" in capsys.readouterr().err

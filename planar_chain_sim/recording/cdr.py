@@ -22,6 +22,7 @@ _ENCODINGS = {                                               # first two bytes -
     b'\x00\x01': (_STAMP, _COUNT, np.dtype('<f8')),
     b'\x00\x00': (Struct('>iI'), Struct('>I'), np.dtype('>f8')),
 }
+_PLAIN_ARRAY = _ENCAPSULATION + bytes(8)                     # a Float64MultiArray without dimensions, data_offset 0
 
 
 class CdrError(ValueError):
@@ -82,6 +83,21 @@ class JointStateLayout:
         return self._message.tobytes()
 
 
+class ClockLayout:
+    """One rosgraph_msgs/msg/Clock, patched in place."""
+
+    def __init__(self):
+        self._message = bytearray(_ENCAPSULATION + bytes(_STAMP.size))
+
+    def set_stamp(self, nanoseconds: int) -> None:
+        """Put the time (int, ns) in, which must fit as in JointStateLayout."""
+        _STAMP.pack_into(self._message, len(_ENCAPSULATION), *divmod(nanoseconds, 1_000_000_000))
+
+    def to_bytes(self) -> bytes:
+        """Return a copy of the message as it stands, encapsulation included."""
+        return bytes(self._message)
+
+
 def decode_joint_state(data) -> JointStateMessage:
     """Decode a sensor_msgs/msg/JointState (bytes-like, encapsulation included); CdrError if it is none."""
     cursor = _Cursor(data, 'sensor_msgs/msg/JointState')
@@ -97,6 +113,10 @@ def decode_joint_state(data) -> JointStateMessage:
 
 def decode_float64_multi_array(data) -> np.ndarray:
     """Decode a std_msgs/msg/Float64MultiArray to its float64 data (n,), the layout unread; CdrError if it is none."""
+    if data[:12] == _PLAIN_ARRAY and len(data) >= 16:        # as nearly all are, and one may come at every tick
+        count, = _COUNT.unpack_from(data, 12)
+        if count and len(data) >= 20 + 8 * count:            # a gap of four lies before the first value
+            return np.frombuffer(data, '<f8', count, 20).astype(np.float64)
     cursor = _Cursor(data, 'std_msgs/msg/Float64MultiArray')
     for _ in range(cursor.count(12)):
         cursor.string()                                      # label
@@ -116,6 +136,12 @@ def encode_float64_multi_array(values) -> bytes:
     _append_count(body, 0)                                   # data_offset
     _append_float64_array(body, values)
     return _ENCAPSULATION + body
+
+
+def decode_clock(data) -> int:
+    """Decode a rosgraph_msgs/msg/Clock to its time, ns; CdrError if it is none."""
+    seconds, nanoseconds = _Cursor(data, 'rosgraph_msgs/msg/Clock').stamp()
+    return seconds * 1_000_000_000 + nanoseconds
 
 
 def decode_string(data) -> str:

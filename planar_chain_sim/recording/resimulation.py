@@ -1,8 +1,8 @@
 """
 resimulate: run a log's chain, method, step and changes again and compare with its states, bit for bit.
 
-The changes are the log's events: one that carries an `effort` sets what is held from its tick on, `reset` puts back the
-state the log began with. How and when commands arrived plays no part any more.
+The changes are the log's events: one that carries an `effort` sets what is held from its tick on, kinds of the table
+CHANGES do what they did. How and when commands arrived plays no part any more.
 """
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from .cdr import CdrError, decode_joint_state, decode_string
 from .log_reader import Log, LogMessage, read_log
 from .log_writer import LogError
 from .run_settings import simulation_of
+from ..changes import apply_change, CHANGES
 from ..command_line import Parser, run_command
 from ..dynamics import SimulationError
 from ..simulation import Simulation
@@ -67,7 +68,6 @@ class _Rerun:
     def __init__(self, log: Log):
         self._log = log
         self.simulation: Simulation = simulation_of(log)
-        self._start = self.simulation.position, self.simulation.velocity
         self._held = np.zeros(self.simulation.chain.joint_count)
         self._topics = log.settings['state_topic'], log.settings['events_topic']
         self.states = 0
@@ -87,13 +87,14 @@ class _Rerun:
     def _change(self, event: dict) -> None:
         """Let an event act at its tick, which is where the re-run stands."""
         effort = event['data'].get('effort')
-        if effort is None and event['kind'] != 'reset':
+        if effort is None and event['kind'] not in CHANGES:
             return
         if event['tick'] != self.simulation.tick:
             why = f"event '{event['kind']}' of tick {event['tick']} comes at tick {self.simulation.tick}"
             raise self._unreadable(why)
+        if event['kind'] in CHANGES:
+            apply_change(self.simulation, event['kind'], event['data'])
         if event['kind'] == 'reset':
-            self.simulation.set_state(*self._start)
             self._held = np.zeros_like(self._held)
         if effort is not None:
             self._held = np.array(effort, dtype=np.float64)

@@ -140,6 +140,8 @@ def _parser() -> Parser:
                         help='simulated time, s; default: 10, or what a file of efforts covers')
     parser.add_argument('--step', type=float, default=1e-3, metavar='S', help='tick, s; default 0.001')
     parser.add_argument('--method', default='auto', choices=['auto', *METHODS], help='default auto')
+    parser.add_argument('--tolerance', type=float, metavar='T', help='bound of the local error of an adaptive method; '
+                        'default 1e-9')
     parser.add_argument('--effort', metavar='E', help='joint efforts, N m or N: numbers joined by commas, held; or a '
                         '.csv or .npy file with a row per tick; default: none')
     parser.add_argument('--compression', default='none', choices=sorted(COMPRESSIONS), help='of the log; default none')
@@ -149,7 +151,7 @@ def _parser() -> Parser:
 def _rollout_to_file(arguments) -> int:
     options = _parser().parse_args(arguments)
     chain = load_chain(options.chain)
-    simulation = Simulation(chain, options.method, options.step)
+    simulation = Simulation(chain, options.method, options.step, options.tolerance)
     effort = None if options.effort is None else read_efforts(options.effort, chain)
     rows = len(effort) if effort is not None and effort.ndim == 2 else None
     ticks = rows if rows is not None and options.duration is None else whole_ticks(

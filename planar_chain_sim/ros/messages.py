@@ -1,36 +1,56 @@
-"""The node's topics, one row each; publishers, subscriptions and the log's channels are all made from these tables."""
+"""The node's topics, one row each; publishers, subscriptions and the log's channels are made from these tables."""
 from __future__ import annotations
 
+from importlib import import_module
 from typing import NamedTuple
 
 from rclpy.callback_groups import CallbackGroup
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray, String
 
 
 class Topic(NamedTuple):
-    """A topic: relative name, message class and queue depth; every one is reliable, volatile, keep_last(depth)."""
+    """
+    A topic: name, type as ROS writes it, queue depth; every one is reliable and keep_last(depth).
+
+    `latched`: transient_local, for those who come later. `option`: the parameter that must be true to have the topic.
+    """
 
     name: str
-    message: type
+    type_name: str
     depth: int
+    latched: bool = False
+    option: str = ''
 
     @property
-    def type_name(self) -> str:
-        """Return the type as ROS writes it: package/msg/Type."""
-        return f'{self.message.__module__.partition(".")[0]}/msg/{self.message.__name__}'
+    def message(self) -> type:
+        """Return the message class, imported when first asked for."""
+        package, _, name = self.type_name.split('/')
+        return getattr(import_module(f'{package}.msg'), name)
+
+    @property
+    def qos(self) -> QoSProfile:
+        """Return the quality of service that the topic offers or asks for."""
+        durability = DurabilityPolicy.TRANSIENT_LOCAL if self.latched else DurabilityPolicy.VOLATILE
+        return QoSProfile(depth=self.depth, durability=durability)
 
 
+# What the tick thread publishes and records ...
 OUTPUTS = {
-    'state': Topic('joint_states', JointState, 10),
-    'events': Topic('~/events', String, 10),
+    'state': Topic('joint_states', 'sensor_msgs/msg/JointState', 10),
+    'events': Topic('~/events', 'std_msgs/msg/String', 10),
+    'clock': Topic('/clock', 'rosgraph_msgs/msg/Clock', 1, option='publish_clock'),
+}
+# ... and what the service thread publishes, which no log holds.
+SIDE_OUTPUTS = {
+    'diagnostics': Topic('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', 10),
+    'description': Topic('robot_description', 'std_msgs/msg/String', 1, latched=True),
+    'markers': Topic('~/markers', 'visualization_msgs/msg/MarkerArray', 1, option='publish_markers'),
 }
 # 64 deep: with a depth of 1, one of two controllers that command within one tick would lose its message.
 INPUTS = {
-    'commands': Topic('~/commands', Float64MultiArray, 64),
-    'joint_commands': Topic('~/joint_commands', JointState, 64),
+    'commands': Topic('~/commands', 'std_msgs/msg/Float64MultiArray', 64),
+    'joint_commands': Topic('~/joint_commands', 'sensor_msgs/msg/JointState', 64),
 }
 
 
@@ -56,12 +76,12 @@ class PolledGroup(CallbackGroup):
 
 def create_publisher(node, topic: Topic):
     """Create the publisher of a row; its QoS can be overridden by parameters, as usual in ROS."""
-    return node.create_publisher(topic.message, topic.name, QoSProfile(depth=topic.depth),
+    return node.create_publisher(topic.message, topic.name, topic.qos,
                                  qos_overriding_options=QoSOverridingOptions.with_default_policies())
 
 
 def create_polled_subscription(node, topic: Topic):
     """Create the subscription of a row for take_message(); no executor serves it."""
-    return node.create_subscription(topic.message, topic.name, lambda message: None, QoSProfile(depth=topic.depth),
+    return node.create_subscription(topic.message, topic.name, lambda message: None, topic.qos,
                                     callback_group=PolledGroup(), raw=True,
                                     qos_overriding_options=QoSOverridingOptions.with_default_policies())

@@ -4,6 +4,7 @@ from __future__ import annotations
 from contextlib import ExitStack
 import gc
 import sys
+import warnings
 
 from .process import run_until_stopped, start_node
 
@@ -16,6 +17,7 @@ SIGINT and SIGTERM end it with exit code 0; a mistake is told in one sentence, e
 EXAMPLE = 'simulator --ros-args -p chain_file:=seven_link_arm.yaml -p record:=run.mcap -r __ns:=/arm'
 
 SWITCH_INTERVAL = 1e-4  # s; at Python's usual 5 ms the log's thread or a service could hold a tick up for that long
+ON_TOPIC = 'robot_description'  # a chain file of this name is the text that comes on the topic
 
 
 def main(arguments=None) -> int:
@@ -30,13 +32,11 @@ def simulate(own_arguments, ros_arguments, stop) -> None:
     gc.disable()  # until all is loaded: nothing of it is garbage
     with ExitStack() as ending:  # ends in reverse order, so that nobody is asked who has gone already
         node = start_node('simulator', ros_arguments, ending)
-        from .services import ServiceThread
-
-        sys.setswitchinterval(SWITCH_INTERVAL)
-        simulator, log = start_simulator(node, ending, stop.put)
-        services = ServiceThread(node, simulator, stop.put)
-        services.start()
-        ending.callback(services.stop)
+        started = start_simulator(node, ending, stop)
+        if not started:
+            return
+        simulator, simulation, urdf, values, log = started
+        serve(node, ending, stop, simulator, simulation.chain, urdf, values, log)
         gc.freeze()  # what is here now stays: a collection that went through all of it would hold up a tick
         gc.enable()
         reason = stop.get()
@@ -46,40 +46,125 @@ def simulate(own_arguments, ros_arguments, stop) -> None:
         raise reason
 
 
-def start_simulator(node, ending, done):
-    """Return a running Simulator and its log (or None), as the node's parameters want them."""
-    from .messages import INPUTS, OUTPUTS, create_polled_subscription, create_publisher
-    from .parameters import declare_parameters
+def start_simulator(node, ending, stop):
+    """Return a running Simulator, its simulation, its URDF or None, parameters, log or None; None after a stop."""
+    from .messages import create_polled_subscription, create_publisher, INPUTS, OUTPUTS
+    from .parameters import declare_chain_parameters, declare_parameters
 
     values = declare_parameters(node)
+    tell_of_clocks(node, values)
     # Topics first: while the chain is read, the others on the network find them.
-    publishers = {key: create_publisher(node, topic) for key, topic in OUTPUTS.items()}
+    publishers = {key: create_publisher(node, topic) for key, topic in OUTPUTS.items()
+                  if not topic.option or values[topic.option]}
     inputs = {key: create_polled_subscription(node, topic) for key, topic in INPUTS.items()}
 
-    from .simulator import Simulator
-    simulation = create_simulation(values)
+    chain, urdf = load(node, values, stop)
+    if chain is None:
+        return None
+    values.update(declare_chain_parameters(node, chain))
+    simulation = create_simulation(chain, values, node.get_logger())
     log = None
     if values['record']:
         from .recorder import open_log
         log = open_log(simulation, values, publishers, inputs)
         ending.callback(log.close)
-    simulator = Simulator(simulation, values, publishers, inputs, log, node.get_logger(), done)
+    simulator = simulator_class(values)(simulation, values, publishers, inputs, node.context, log, node.get_logger(),
+                                        stop.put)
+    sys.setswitchinterval(SWITCH_INTERVAL)
     simulator.start()
     ending.callback(simulator.stop)
-    chain = simulation.chain
     node.get_logger().info(f'running {chain.name} at {values["rate"]:g} Hz, joints {", ".join(chain.joint_names)}; '
                            f'{simulation.plan}')
-    return simulator, log
+    return simulator, simulation, urdf, values, log
 
 
-def create_simulation(values):
-    """Return the Simulation of the parameters `chain_file`, `method` and `rate`; Mistake where there can't be one."""
-    from ..chain_yaml import load_chain
+def serve(node, ending, stop, simulator, chain, urdf, values, log) -> None:
+    """Start answering and publishing what no tick waits for: services, parameters, diagnostics, URDF, markers."""
+    from .diagnostics import Diagnostics, PERIOD
+    from .messages import create_publisher, SIDE_OUTPUTS
+    from .parameters import let_set
+    from .services import ServiceThread
+
+    services = ServiceThread(node, simulator, stop.put)
+    publishers = {key: create_publisher(node, topic) for key, topic in SIDE_OUTPUTS.items()
+                  if (not topic.option or values[topic.option])
+                  and not (key == 'description' and values['chain_file'] == ON_TOPIC)}
+    if 'description' in publishers:
+        from std_msgs.msg import String
+        from ..urdf_writer import urdf_of
+        publishers['description'].publish(String(data=urdf or urdf_of(chain)))
+    let_set(node, chain, lambda name, value: simulator.ask('set_parameter', name, value))
+    services.every(PERIOD, Diagnostics(node.get_name(), simulator, publishers['diagnostics'], values, log,
+                                       chain.name).report)
+    if 'markers' in publishers:
+        from .markers import marker_array, PERIOD as MARKER_PERIOD
+        frame_id = values['frame_id'] or 'world'
+        services.every(MARKER_PERIOD, lambda: publishers['markers'].publish(
+            marker_array(chain, *simulator.seen, frame_id)))
+    services.start()
+    ending.callback(services.stop)
+
+
+def tell_of_clocks(node, values) -> None:
+    """
+    Say what use_sim_time means here, once.
+
+    Ticks are counted on the steady clock and nothing here waits for /clock. A subscription to it would only cost, of
+    our own time a thousand messages a second.
+    """
+    if not node.get_parameter('use_sim_time').value:
+        return
+    node._time_source.detach_node()
+    if values['publish_clock']:
+        node.get_logger().info('use_sim_time is set and this node is the clock')
+    else:
+        node.get_logger().warning('use_sim_time is set, but this node keeps wall time and stamps with it; '
+                                  'publish_clock:=true makes it the clock')
+
+
+def simulator_class(values):
+    """Return the kind of Simulator that the parameter `lockstep` wants."""
+    if values['lockstep']:
+        from .lockstep import LockstepSimulator
+        return LockstepSimulator
+    from .simulator import Simulator
+    return Simulator
+
+
+def load(node, values, stop):
+    """Return the chain of `chain_file` and its URDF if it is one, both None after a stop; Mistake: no such chain."""
+    from ..chain import ChainError
+    from ..chain_yaml import chain_from_text, find_chain_file, load_chain
+    from ..command_line import Mistake
+    try:
+        if values['chain_file'] == ON_TOPIC:
+            from .description import await_description
+            text = await_description(node, stop)
+            return (None, None) if text is None else (chain_from_text(text, ON_TOPIC), text)
+        chain = load_chain(values['chain_file'])
+        text = find_chain_file(values['chain_file']).read_text('utf-8-sig')
+        return chain, text if text.lstrip().startswith('<') else None
+    except ChainError as error:
+        raise Mistake(str(error)) from None
+
+
+def create_simulation(chain, values, logger):
+    """Return the Simulation of the chain and the parameters; Mistake where there can't be one. Warnings are logged."""
+    from ..changes import changed_chain, QUANTITIES
     from ..command_line import Mistake
     from ..simulation import Simulation
     try:
-        return Simulation(load_chain(values['chain_file']), method=values['method'], step=1.0 / values['rate'])
-    except ValueError as error:  # a ChainError is one
+        for name in QUANTITIES:
+            if name in values:
+                chain = changed_chain(chain, name, values[name])
+        with warnings.catch_warnings(record=True) as told:   # of a step too long for a stiff joint
+            warnings.simplefilter('always', RuntimeWarning)
+            simulation = Simulation(chain, method=values['method'], step=1.0 / values['rate'],
+                                    tolerance=values['tolerance'] or None)
+        for warning in told:
+            logger.warning(str(warning.message))
+        return simulation
+    except ValueError as error:
         raise Mistake(str(error)) from None
 
 

@@ -1,28 +1,37 @@
-"""The node's services and parameter services, answered in a thread of their own so that no tick waits for them."""
+"""The node's services and whatever else may take its time, in a thread of its own so that no tick waits for it."""
 from __future__ import annotations
 
 from threading import Thread
 
+from rclpy.clock import Clock, ClockType
 from rclpy.executors import SingleThreadedExecutor
 from std_srvs.srv import SetBool, Trigger
+
+from .standard_services import offer
 
 
 class ServiceThread:
     """
     Serves ~/reset, ~/step and ~/pause of a Simulator, and all else the node itself offers, between start() and stop().
 
-    `done(error)` is called when the thread cannot go on.
+    `done(error)` is called when the thread cannot go on, `done(None)` when somebody wants the process to end.
     """
 
     def __init__(self, node, simulator, done):
-        self._done, self._stopping = done, False
+        self._node, self._done, self._stopping = node, done, False
         for name, ask in (('reset', lambda request: simulator.ask('reset')),
                           ('step', lambda request: simulator.ask('step')),
                           ('pause', lambda request: simulator.ask('pause', request.data))):
             node.create_service(SetBool if name == 'pause' else Trigger, f'~/{name}', _answering(ask))
+        self._clock = Clock(clock_type=ClockType.STEADY_TIME)  # the ROS clock may be ours to move, or stand still
         self._executor = SingleThreadedExecutor()
+        offer(node, simulator, self._executor, lambda: done(None))
         self._executor.add_node(node)
         self._thread = Thread(target=self._spin, name='services', daemon=True)
+
+    def every(self, period: float, work) -> None:
+        """Have `work()` done every `period` s of wall time."""
+        self._node.create_timer(period, work, clock=self._clock)
 
     def start(self) -> None:
         """Start answering."""

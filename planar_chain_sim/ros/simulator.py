@@ -2,26 +2,28 @@
 The simulation in real time: one thread owns ticks, state and efforts; everybody else asks it.
 
 At the wake-up for tick k+1 the newest commands are latched, the motion from k to k+1 is integrated with them, the state
-at k+1 is published and recorded. What decides the motion besides (reset, pause, lost time) is an event with its tick.
+at k+1 is published and recorded. What decides the motion besides (reset, a changed parameter, lost time) is an event
+with its tick.
 """
 from __future__ import annotations
 
 from collections import deque
 import json
-from operator import itemgetter
 from queue import Empty, SimpleQueue
 from threading import Thread
 from time import monotonic_ns, sleep, time_ns
+from typing import Optional
 
-from .commands import CommandError, HeldEffort
-from .messages import INPUTS
-from .pacing import LONGEST_LATENESS, Pacing
+from .command_intake import CommandIntake
+from .measurement import Meter
+from .pacing import LONGEST_LATENESS, Pacing, sleep_punctually
+from .publication import Publication
+from ..changes import apply_change, QUANTITIES, to_json
 from ..dynamics import SimulationError
-from ..recording.cdr import encode_string, JointStateLayout
-from ..simulation import initial_state
 
 LOOK_PERIOD = 20_000_000  # ns between two looks at who publishes commands and at the log
-LONGEST_SLEEP = 50_000_000  # ns; a request or a stop is seen after at most this, whatever the rate
+LONGEST_SLEEP = 10_000_000  # ns; a request or a stop is seen after at most this, whatever the rate
+LONGEST_BACKLOG = 20_000  # messages; as fast as possible is no faster than the disk
 ANSWER_TIMEOUT = 2.0  # s
 
 
@@ -29,30 +31,22 @@ class Simulator:
     """
     Runs `simulation` (fresh, at its initial state) in a thread of its own between start() and stop().
 
-    `values`: the node's parameters. `publishers`: key of OUTPUTS -> publisher. `inputs`: key of INPUTS -> polled
-    subscription. `log`: BackgroundLogWriter or None. `done(error)` is called when the thread cannot go on.
+    `values`: the node's parameters; those that differ from the chain's own were put into it already and are told at
+    tick 0. `publishers`: key of OUTPUTS -> publisher. `inputs`: key of INPUTS -> polled subscription. `context`: of
+    rclpy. `log`: BackgroundLogWriter or None. `done(error)` is called when the thread cannot go on.
     """
 
-    def __init__(self, simulation, values, publishers, inputs, log, logger, done):
-        self._simulation, self._values, self._inputs, self._log = simulation, values, inputs, log
-        self._state, self._events = publishers['state'], publishers['events']
-        self._state_topic, self._events_topic = self._state.topic_name, self._events.topic_name
-        self._input_topics = {key: subscription.topic_name for key, subscription in inputs.items()}
-        self._logger, self._done = logger, done
-        names = simulation.chain.joint_names
-        self._layout = layout = JointStateLayout(names, values['frame_id'])
-        # The kernel writes a tick's outcome straight into the message.
-        self._outcome = layout.position[None], layout.velocity[None], layout.effort[None]
-        self._held = HeldEffort(names)
-        self._commanded = False  # whether the held effort is somebody's command
-        self._heard = ()  # keys of the inputs that have a publisher
-        self._next = ()  # keys of those to be polled next time
-        rate = values['rate']
-        self._ticks_per_state = round(rate / (values['publish_rate'] or rate))
-        self._pacing = Pacing(1.0 / (rate * values['real_time_factor']), time_ns() - monotonic_ns())
+    def __init__(self, simulation, values, publishers, inputs, context, log, logger, done):
+        self._simulation, self._values, self._log, self._logger = simulation, values, log, logger
+        self._done, self._warned = done, {}
+        step = simulation.step if values['publish_clock'] or values['lockstep'] else None
+        self._pacing = Pacing(self._period(), time_ns() - monotonic_ns(), step)
+        self._publication = Publication(simulation, values, publishers, log, self._pacing)
+        self._intake = CommandIntake(simulation.chain.joint_names, inputs, context, self._publication, self._warn)
+        self._held = self._intake.held
+        self._meter = Meter(simulation)
         self._paused, self._divergence = values['start_paused'], None
         self._look_due = self._repeat_due = 0
-        self._warned = {}
         self._requests, self._stopping = deque(), False
         self._thread = Thread(target=self._run_guarded, name='tick', daemon=True)
 
@@ -64,28 +58,60 @@ class Simulator:
         """End the thread after the tick it is at, and wait for it."""
         self._stopping = True
         if self._thread.ident:
+            self._intake.wake()
             self._thread.join()
+        self._intake.close()
 
-    def ask(self, what: str, *arguments) -> tuple[bool, str]:
-        """Have 'reset', 'step' or 'pause' (bool) done between two ticks; return success and one sentence."""
+    def ask(self, what: str, *arguments):
+        """
+        Have something done between two ticks and return its answer, (success, sentence).
+
+        'reset'; 'step' (ticks); 'pause' (bool); 'set_parameter' (name, value); 'measure', whose sentence is a
+        Measurement.
+        """
         reply = SimpleQueue()
         self._requests.append((getattr(self, f'_{what}'), arguments, reply))
+        self._intake.wake()
         try:
             return reply.get(timeout=ANSWER_TIMEOUT)
         except Empty:
             return False, f'the simulation has not answered within {ANSWER_TIMEOUT:g} s'
 
+    @property
+    def paused(self) -> bool:
+        """Whether time stands because somebody wants it to."""
+        return self._paused
+
+    @property
+    def tick(self) -> int:
+        """Ticks done since the start."""
+        return self._simulation.tick
+
+    @property
+    def seen(self) -> tuple:
+        """Stamp, ns, and joint positions (joints,), rad or m, of the state last shown, for those who only look."""
+        return self._publication.stamp, self._publication.layout.position.copy()
+
+    def _period(self) -> float:
+        """Seconds of wall time per tick, 0 for as fast as possible."""
+        factor = self._values['real_time_factor']
+        return 1.0 / (self._values['rate'] * factor) if factor else 0.0
+
     def _run_guarded(self) -> None:
         try:
+            sleep_punctually()
             self._run()
         except BaseException as error:
             self._done(error)
 
     def _run(self) -> None:
         self._pacing.anchor(0, monotonic_ns())
+        for name in QUANTITIES:
+            if name in self._values:
+                self._publication.event('parameter', name=name, value=to_json(self._values[name]))
         if self._paused:
-            self._event('pause')
-        self._lay_out()
+            self._publication.event('pause')
+        self._publication.lay_out()
         self._show(record=True)
         while not self._stopping:
             while self._requests:
@@ -95,119 +121,106 @@ class Simulator:
             if now >= self._look_due:
                 self._look_due = now + LOOK_PERIOD
                 self._look()
-            standing = self._paused or self._divergence
-            due = self._repeat_due if standing else self._pacing.due(self._simulation.tick + 1)
-            if now < due:
-                sleep(min(due - now, LONGEST_SLEEP) * 1e-9)
-            elif standing:
-                self._repeat_due = now + round(self._pacing.period * self._ticks_per_state)
-                self._latch()
-                self._show(record=False)
+            if self._paused or self._divergence:
+                self._stand(now)
             else:
-                if now - due > LONGEST_LATENESS:
-                    self._drop_time(now)
-                self._latch()
-                self._tick()
+                self._go_on(now)
+
+    def _stand(self, now: int) -> None:
+        """Show the state that stands, again and again, and take commands for when it goes on."""
+        if now < self._repeat_due:
+            sleep(min(self._repeat_due - now, LONGEST_SLEEP) * 1e-9)
+            return
+        period = self._pacing.period or 1e9 * self._simulation.step
+        self._latch()
+        self._repeat_due = now + round(period * self._publication.ticks_per_state)
+        self._show(record=False)
+
+    def _go_on(self, now: int) -> None:
+        """Wait for the next tick's due time, or make the tick."""
+        pacing, tick = self._pacing, self._simulation.tick + 1
+        if not pacing.period:
+            if self._log and self._log.backlog > LONGEST_BACKLOG:
+                sleep(1e-3)
+                return
+            pacing.anchor(tick, now)
+        due = pacing.due(tick)
+        if now < due:
+            sleep(min(due - now, LONGEST_SLEEP) * 1e-9)
+            return
+        late = now - due
+        self._meter.late(late, pacing.period)
+        if late > LONGEST_LATENESS:
+            self._drop_time(now)
+        self._latch()
+        self._tick()
 
     def _drop_time(self, now: int) -> None:
         """Give up what is too late to be caught up; the tick that is due is due now."""
         late = self._pacing.drop(self._simulation.tick + 1, now) * 1e-9
-        self._event('dropped_time', seconds=late)
+        self._meter.dropped(late)
+        self._publication.event('dropped_time', seconds=late)
         self._warn('late', f'{late:.3f} s late and dropped, the machine cannot keep up')
 
-    def _tick(self) -> bool:
+    def _tick(self, publish: bool = False) -> bool:
         """Advance one tick and show its state; on a divergence stand at the last good state and return False."""
+        publication, simulation = self._publication, self._simulation
         try:
-            self._simulation.advance(1, self._held.effort, self._outcome)
+            simulation.advance(1, self._held.effort, publication.outcome)
         except SimulationError as error:
-            self._divergence = str(error)
-            self._event('divergence', message=str(error), joint=error.joint, time=error.time,
-                        position=error.position.tolist(), velocity=error.velocity.tolist())
+            self._tell_joint_events()
+            self._divergence = error
+            publication.event('divergence', message=str(error), joint=error.joint, time=error.time,
+                              position=error.position.tolist(), velocity=error.velocity.tolist())
             self._logger.error(f'{error}; ~/reset goes on from the initial state')
             return False
-        self._show(record=True)
+        self._tell_joint_events()
+        self._show(record=True, publish=publish or not simulation.tick % publication.ticks_per_state)
+        layout = publication.layout
+        self._meter.balance.add(layout.position, layout.velocity, layout.effort)
         return True
 
-    def _lay_out(self) -> None:
-        """Put the simulation's state into the message, where no tick has just done so."""
-        layout, simulation = self._layout, self._simulation
-        layout.position[:], layout.velocity[:] = simulation.position, simulation.velocity
-        layout.effort[:] = simulation.effort
+    def _tell_joint_events(self) -> None:
+        """Tell of stops and of sticking, each at its time behind the tick before this one."""
+        for event in self._simulation.take_events():
+            data = {'joint': event.joint, 'time': event.time, 'speed': event.speed}
+            self._publication.tell(event.kind, json.dumps(data), event.tick)
 
-    def _show(self, record: bool) -> None:
-        """Publish the laid out state and record it, the same bytes for both."""
-        tick = self._simulation.tick
-        stamp = self._pacing.stamp(tick)
-        self._layout.set_stamp(stamp)
-        data = self._layout.to_bytes()
-        if record and self._log:
-            self._log.write(self._state_topic, data, self._pacing.wall(monotonic_ns()), stamp, tick)
-        if not (record and tick % self._ticks_per_state):
-            self._state.publish(data)
-
-    def _event(self, kind: str, **data) -> None:
-        self._tell(kind, json.dumps(data))
-
-    def _tell(self, kind: str, data: str) -> None:
-        """Publish an event, its data in JSON, and record it."""
-        message = encode_string(f'{{"tick": {self._simulation.tick}, "kind": "{kind}", "data": {data}}}')
-        self._events.publish(message)
-        if self._log:
-            now = self._pacing.wall(monotonic_ns())
-            self._log.write(self._events_topic, message, now, now)
+    def _show(self, record: bool, publish: bool = True) -> None:
+        self._publication.show(record, publish)
 
     def _latch(self) -> None:
-        """Take the commands that have come, oldest first, so that the newest acts on each joint."""
-        keys = self._next
-        if not keys:  # and nothing more: Python that runs after a sleep takes three times as long as in a loop
-            return
-        self._next = self._heard
-        arrived = []
-        for key in keys:
-            subscription = self._inputs[key]
-            with (handle := subscription.handle):
-                for _ in range(INPUTS[key].depth):  # not until it is empty: a flood could keep us here
-                    taken = handle.take_message(subscription.msg_type, True)
-                    if taken is None:
-                        break
-                    arrived.append((taken[1]['received_timestamp'], key, taken[0], taken[1]['source_timestamp']))
-        if not arrived:
-            return
-        # Each topic keeps its own order; between the two, the time at which the middleware received a message decides.
-        if len(keys) > 1:
-            arrived.sort(key=itemgetter(0))
-        acting, rejected = None, {}
-        for _, key, data, source_time in arrived:
-            topic = self._input_topics[key]
-            if self._log:
-                self._log.write(topic, data, self._pacing.wall(monotonic_ns()), source_time)
-            try:
-                acting = topic if self._held.take(INPUTS[key].type_name, data) else acting
-            except CommandError as error:
-                rejected.setdefault(topic, []).append(str(error))
-            if self._held.unknown:
-                self._warn('unknown', f'command on {topic} names {", ".join(map(repr, self._held.unknown[:3]))}, '
-                           f'not among the joints {", ".join(self._simulation.chain.joint_names[:32])}')
-        for topic, reasons in rejected.items():
-            self._event('rejected', topic=topic, reason=reasons[-1], count=len(reasons))
-            self._warn(topic, f'command on {topic} rejected: {reasons[-1]}')
-        if acting:
-            self._commanded = True
+        """Take the commands that have come, let joints that were commanded too long ago go, and tell of both."""
+        tick, timeout = self._simulation.tick, self._values['command_timeout']
+        self._tell_command(self._intake.latch(tick))
+        if timeout and self._held.commanded:
+            silent = self._held.expire(tick, timeout / self._simulation.step * (1.0 - 1e-12))
+            if silent:
+                names = [self._simulation.chain.joint_names[joint] for joint in silent]
+                self._publication.event('command_timeout', joints=names, seconds=timeout,
+                                        effort=self._held.effort.tolist())
+                self._warn('timeout', f'no command for {", ".join(names[:32])} within {timeout:g} s, '
+                           'effort is zero now')
+
+    def _tell_command(self, topic: Optional[str]) -> None:
+        """Tell the efforts that act from now on, where a command on `topic` has changed them."""
+        if topic:
             # Up to once a tick, so written by hand: json.dumps takes as long as the whole motion. Floats are the same.
-            self._tell('command', f'{{"topic": "{acting}", "effort": {self._held.effort.tolist()}}}')
+            self._publication.tell('command', f'{{"topic": "{topic}", "effort": {self._held.effort.tolist()}}}')
 
     def _look(self) -> None:
         """Look at what needs no look at every tick: is there still a controller, is there still a log."""
         if self._log and self._log.error:
             raise self._log.error
-        self._heard = tuple(key for key, subscription in self._inputs.items() if subscription.get_publisher_count())
-        self._next = tuple(INPUTS)  # also hear who came and went between two looks
-        if self._commanded and not self._heard and self._values['on_controller_loss'] == 'zero':
+        self._intake.look()
+        if self._held.commanded and not self._intake.heard and self._values['on_controller_loss'] == 'zero':
             self._latch()  # its last words
-            self._held.clear()
-            self._commanded = False
-            self._event('controller_loss', effort=self._held.effort.tolist())
+            self._clear_commands()
+            self._publication.event('controller_loss', effort=self._held.effort.tolist())
             self._logger.warning('the last publisher of commands has gone, efforts are zero now')
+
+    def _clear_commands(self) -> None:
+        self._held.clear()
 
     def _warn(self, key: str, sentence: str) -> None:
         """Log a warning, at most once a second for each key."""
@@ -217,27 +230,28 @@ class Simulator:
             self._logger.warning(sentence)
 
     def _reset(self) -> tuple[bool, str]:
-        self._simulation.set_state(*initial_state(self._simulation.chain))
-        self._held.clear()
-        self._commanded = False
+        apply_change(self._simulation, 'reset', {})
+        self._clear_commands()
         if self._divergence and not self._paused:
             self._pacing.anchor(self._simulation.tick, monotonic_ns())
         self._divergence = None
-        self._event('reset')
-        self._lay_out()
+        self._publication.event('reset')
+        self._publication.lay_out()
+        self._meter.begin(self._simulation)
         self._show(record=True)
         return True, f'initial state and zero efforts from tick {self._simulation.tick} on'
 
-    def _step(self) -> tuple[bool, str]:
+    def _step(self, ticks: int = 1) -> tuple[bool, str]:
         if self._divergence:
             return False, f'not stepped: {self._divergence}'
         if not self._paused:
             return False, 'not stepped: the simulation is running, pause it first'
         self._look()
-        self._latch()
-        self._event('step')
-        if not self._tick():
-            return False, self._divergence
+        for _ in range(ticks):
+            self._latch()
+            self._publication.event('step')
+            if not self._tick(publish=True):
+                return False, str(self._divergence)
         return True, f'stepped to tick {self._simulation.tick}'
 
     def _pause(self, wanted: bool) -> tuple[bool, str]:
@@ -246,5 +260,22 @@ class Simulator:
         self._paused = wanted
         if not wanted:
             self._pacing.anchor(self._simulation.tick, monotonic_ns())
-        self._event('pause' if wanted else 'resume')
+        self._publication.event('pause' if wanted else 'resume')
         return True, f'{"paused" if wanted else "running"} from tick {self._simulation.tick} on'
+
+    def _set_parameter(self, name: str, value) -> tuple[bool, str]:
+        data = {'name': name, 'value': to_json(value) if name in QUANTITIES else value}
+        try:
+            apply_change(self._simulation, 'parameter', data)
+        except ValueError as error:
+            return False, f'parameter {name!r}: {error}'
+        self._values[name] = value
+        if name in QUANTITIES:
+            self._meter.begin(self._simulation)
+        elif name == 'real_time_factor':
+            self._pacing.set_period(self._period(), self._simulation.tick, monotonic_ns())
+        self._publication.event('parameter', **data)
+        return True, f'{name} acts from tick {self._simulation.tick} on'
+
+    def _measure(self) -> tuple:
+        return True, self._meter.measure(self._simulation.tick, self._intake, self._divergence, self._paused)

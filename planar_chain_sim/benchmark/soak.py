@@ -1,0 +1,177 @@
+"""
+The node under full load for long: recording, commanded at every tick, watched from another process. Linux, ROS 2.
+
+    python -m planar_chain_sim.benchmark.soak --rate 1000 --seconds 600
+
+This process is the controller and the subscriber: it answers each state with efforts never seen before, by which it
+knows the state on which they act.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+from tempfile import TemporaryDirectory
+from time import monotonic, sleep
+
+import numpy as np
+
+from ..command_line import Mistake, Parser, run_command
+from ..recording.cdr import decode_joint_state, encode_float64_multi_array
+from ..recording.log_reader import read_log
+
+WAIT = 20.0      # s, after which a node that says nothing is given up
+SETTLE = 1.0     # s of running that no figure counts
+STEP = 1e-9      # N m by which a command differs from the one before: nothing moves by it
+
+
+@dataclass
+class Watch:
+    """What the controller saw: seconds from a command to the state on which it acts; resident memory over time, MB."""
+
+    latencies: list = field(default_factory=list)
+    memory: list = field(default_factory=list)
+    received: int = 0
+    cpu_share: float = 0.0
+
+
+def soak(rate: float, seconds: float, chain: str = 'seven_link_arm.yaml', record: bool = True) -> list[tuple]:
+    """Run the node for `seconds` s and return rows (quantity, value, unit); Mistake where it does not start."""
+    with TemporaryDirectory() as folder:
+        log = Path(folder, 'soak.mcap')
+        arguments = [sys.executable, '-m', 'planar_chain_sim.ros.node', '--ros-args', '-p', f'rate:={rate}',
+                     '-p', f'chain_file:={chain}', *(['-p', f'record:={log}'] if record else [])]
+        process = subprocess.Popen(arguments, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        try:
+            watch = _control(process, seconds, len_of(chain))
+        finally:
+            process.send_signal(signal.SIGINT)
+            code = process.wait(WAIT)
+        return list(_rows(watch, rate, log if record else None, code))
+
+
+def len_of(chain: str) -> int:
+    """Return the number of joints of a chain file."""
+    from ..chain_yaml import load_chain
+    return load_chain(chain).joint_count
+
+
+def _control(process, seconds: float, joints: int) -> Watch:
+    """Answer states for `seconds` s after the first ones."""
+    try:
+        import rclpy
+        from rclpy.node import Node
+        from sensor_msgs.msg import JointState
+        from std_msgs.msg import Float64MultiArray
+        from ..ros.messages import PolledGroup
+    except ImportError as error:
+        raise Mistake(f'the node is measured with ROS 2, which cannot be loaded ({error})') from None
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    node = Node('soak', context=context)
+    states = node.create_subscription(JointState, 'joint_states', lambda message: None, 100,
+                                      callback_group=PolledGroup(), raw=True)
+    commands = node.create_publisher(Float64MultiArray, 'simulator/commands', 10)
+    try:
+        begun = monotonic()
+        while not commands.get_subscription_count() or not states.get_publisher_count():
+            if process.poll() is not None or monotonic() - begun > WAIT:
+                raise Mistake('the simulator did not start')
+            sleep(1e-2)
+        return _answer(process.pid, states, commands, seconds, joints)
+    finally:
+        node.destroy_node()
+        context.try_shutdown()
+
+
+def _answer(pid: int, states, commands, seconds: float, joints: int) -> Watch:
+    watch, sent, count = Watch(), {}, 0
+    effort = np.zeros(joints)
+    begun = monotonic() + SETTLE
+    counting, cpu, memory_due = False, 0.0, 0.0
+    while (now := monotonic()) < begun + seconds:
+        if not counting and now >= begun:
+            counting, cpu = True, cpu_time(pid)
+        if counting and now >= memory_due:
+            memory_due = now + max(seconds / 20.0, 0.1)
+            watch.memory.append(resident_memory(pid))
+        with states.handle:
+            taken = states.handle.take_message(states.msg_type, True)
+        if taken is None:
+            sleep(5e-5)
+            continue
+        acted = float(decode_joint_state(taken[0]).effort[0])
+        now = monotonic()
+        if acted in sent:
+            if counting:
+                watch.latencies.append(now - sent[acted])
+            sent.clear()   # older ones were overtaken
+        count += 1
+        effort[0] = count * STEP
+        sent[float(effort[0])] = monotonic()
+        commands.publish(bytes(encode_float64_multi_array(effort)))
+        watch.received += counting
+    watch.cpu_share = (cpu_time(pid) - cpu) / seconds * 100.0
+    watch.memory.append(resident_memory(pid))
+    return watch
+
+
+def _rows(watch: Watch, rate: float, log, code: int):
+    yield 'exit code', code, ''
+    yield 'states received', watch.received, ''
+    yield 'CPU share', watch.cpu_share, '% of a core'
+    yield 'memory, first', watch.memory[0], 'MB'
+    yield 'memory, last', watch.memory[-1], 'MB'
+    latencies = np.array(watch.latencies) * rate
+    for share in (50, 99):
+        yield f'command to state, p{share}', float(np.percentile(latencies, share)), 'ticks'
+    if log is None:
+        return
+    ticks, late, dropped = 0, [], 0
+    last = -1
+    for message in read_log(log).messages:
+        if message.topic == '/joint_states':
+            ticks += 1
+            late.append(message.log_time - message.publish_time)
+            last = message.sequence
+        elif message.topic == '/simulator/events' and b'dropped_time' in message.data:
+            dropped += 1
+    late = np.array(late[round(SETTLE * rate):]) * 1e-6
+    yield 'ticks in the log', ticks, ''
+    yield 'ticks lost', last + 1 - ticks, ''
+    yield 'times that time was dropped', dropped, ''
+    for share in (50, 99, 99.9):
+        yield f'lateness of a published state, p{share:g}', float(np.percentile(late, share)), 'ms'
+    yield 'lateness, largest', float(late.max()), 'ms'
+
+
+def cpu_time(pid: int) -> float:
+    """User and system time of all threads of a process so far, s: proc(5), fields 14 and 15."""
+    fields = Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
+
+
+def resident_memory(pid: int) -> float:
+    """Resident memory of a process, MB."""
+    return int(Path(f'/proc/{pid}/statm').read_text().split()[1]) * os.sysconf('SC_PAGE_SIZE') * 1e-6
+
+
+def _measure(arguments) -> int:
+    program = 'python -m planar_chain_sim.benchmark.soak'
+    parser = Parser(program, 'Load the node for a long time and tell what it kept.', f'{program} --seconds 600')
+    parser.add_argument('--rate', type=float, nargs='+', default=[1000.0], metavar='HZ', help='ticks per second')
+    parser.add_argument('--seconds', type=float, default=60.0, metavar='S', help='of each rate; default 60')
+    options = parser.parse_args(arguments)
+    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    for rate in options.rate:
+        print(f'{rate:g} Hz, {options.seconds:g} s, 7 joints, recording, commanded at every tick by another process')
+        for quantity, value, unit in soak(rate, options.seconds):
+            print(f'  {quantity:<40} {value:>10.4g} {unit}', flush=True)
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(run_command('soak', _measure, None))

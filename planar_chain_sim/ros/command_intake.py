@@ -1,0 +1,117 @@
+"""Commands from the network, taken when a tick has a use for them: recorded, judged, held."""
+from __future__ import annotations
+
+from collections import Counter
+from operator import itemgetter
+from typing import Optional
+
+from rclpy.guard_condition import GuardCondition
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
+
+from .answers import Answers
+from .commands import CommandError, CommandReader, HeldEffort, LONGEST_MESSAGE
+from .messages import INPUTS
+
+
+class CommandIntake:
+    """
+    Takes the messages of `inputs`, key of INPUTS -> polled subscription, for joints of these names.
+
+    `context`: of rclpy. `publication` records messages and tells what was rejected; `warn(key, sentence)` logs.
+    held: HeldEffort. rejected: Counter of reasons. heard: keys of the inputs that have a publisher, by the last look().
+    """
+
+    def __init__(self, joint_names, inputs, context, publication, warn):
+        self._names, self._inputs, self._publication, self._warn = joint_names, inputs, publication, warn
+        self._topics = {key: subscription.topic_name for key, subscription in inputs.items()}
+        self._reader = CommandReader(joint_names)
+        self.held, self.rejected = HeldEffort(len(joint_names)), Counter()
+        self.heard = self._next = ()  # the second: keys of those to be polled next time
+        self._waker = GuardCondition(lambda: None, None, context=context)
+        self._wait_set = _rclpy.WaitSet(len(inputs), 1, 0, 0, 0, 0, context.handle)
+
+    def look(self) -> None:
+        """Look who publishes commands."""
+        self.heard = tuple(key for key, subscription in self._inputs.items() if subscription.get_publisher_count())
+        self._next = tuple(INPUTS)  # also hear who came and went between two looks
+
+    def wait(self, nanoseconds: int) -> None:
+        """Sleep until a command comes or wake() is called, but no longer than this."""
+        wait_set = self._wait_set
+        wait_set.clear_entities()
+        for subscription in self._inputs.values():
+            wait_set.add_subscription(subscription.handle)
+        wait_set.add_guard_condition(self._waker.handle)
+        wait_set.wait(nanoseconds)
+        self._next = tuple(INPUTS)
+
+    def wake(self) -> None:
+        """End a wait(), from any thread."""
+        self._waker.trigger()
+
+    def close(self) -> None:
+        """Let go of what waits."""
+        self._waker.destroy()
+
+    def latch(self, tick: int, answers: Optional[Answers] = None) -> Optional[str]:
+        """
+        Take what has come; return the topic of the newest command that acts from `tick` on, None where none does.
+
+        The newest command of each joint acts, in lockstep the first that answers the state outstanding.
+        """
+        arrived = self._take() if self._next else ()
+        if not arrived:
+            return None
+        acting, rejected, unsettled = [], {}, set(range(len(self._names)))
+        for received, key, data in arrived if answers else reversed(arrived):
+            try:
+                command = self._reader.read(INPUTS[key].type_name, data)
+            except CommandError as error:
+                rejected.setdefault(self._topics[key], []).append(error)
+                continue
+            if command.unknown:
+                self._warn('unknown', f'command on {self._topics[key]} names '
+                           f'{", ".join(map(repr, command.unknown[:3]))}, '
+                           f'not among the joints {", ".join(self._names[:32])}')
+            if answers:
+                if command.stamp == 0 != answers.stamp and command.joints:
+                    self._warn('unstamped', f'command on {self._topics[key]} has no stamp, in lockstep it must echo '
+                               'that of the state it answers')
+                command = answers.admit(command, received)
+            if command and command.joints:
+                acting.append((self._topics[key], command))
+                unsettled.difference_update(command.joints)
+                if not answers and not unsettled:
+                    break  # what is older is overtaken, a flood is not worth reading
+        self._reject(rejected)
+        if not acting:
+            return None
+        for _, command in acting if answers else reversed(acting):
+            self.held.hold(command, tick)
+        return acting[-1 if answers else 0][0]
+
+    def _take(self) -> list:
+        """Return (time received, key, data) of the messages that have come, oldest first, and record them."""
+        keys, self._next = self._next, self.heard
+        arrived = []
+        for key in keys:
+            subscription = self._inputs[key]
+            with (handle := subscription.handle):
+                for _ in range(INPUTS[key].depth):  # not until it is empty: a flood could keep us here
+                    taken = handle.take_message(subscription.msg_type, True)
+                    if taken is None:
+                        break
+                    data, about = taken
+                    arrived.append((about['received_timestamp'], key, data))
+                    if len(data) <= LONGEST_MESSAGE:
+                        self._publication.record_command(self._topics[key], data, about['source_timestamp'])
+        # Each topic keeps its own order; between the two, the time at which the middleware received a message decides.
+        if len(keys) > 1:
+            arrived.sort(key=itemgetter(0))
+        return arrived
+
+    def _reject(self, rejected) -> None:
+        for topic, errors in rejected.items():
+            self.rejected.update(error.reason for error in errors)
+            self._publication.event('rejected', topic=topic, reason=str(errors[0]), count=len(errors))
+            self._warn(topic, f'command on {topic} rejected: {errors[0]}')

@@ -1,0 +1,81 @@
+"""Once a second on /diagnostics: how well time is kept, which commands were refused, energy, and the log."""
+from __future__ import annotations
+
+from time import time_ns
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+
+PERIOD = 1.0  # s
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+
+
+class Diagnostics:
+    """
+    Publishes what the Simulator measures on `publisher`, at each report().
+
+    `values`: the node's parameters. `log`: BackgroundLogWriter or None. `name`: the node's.
+    """
+
+    def __init__(self, name: str, simulator, publisher, values, log, hardware: str):
+        self._name, self._simulator, self._publisher = name, simulator, publisher
+        self._values, self._log, self._hardware = values, log, hardware
+        self._before = 0, 0.0, 0  # missed ticks, dropped s and rejected commands by the last report
+
+    def report(self) -> None:
+        """Publish one message; where the tick thread does not answer, that is what it says."""
+        answered, measured = self._simulator.ask('measure')
+        if answered:
+            statuses = [self._simulation(measured), self._commands(measured), self._log_state()]
+            self._before = measured.missed, measured.dropped, sum(measured.rejected.values())
+        else:
+            statuses = [self._status('simulation', ERROR, measured, {})]
+        message = DiagnosticArray(status=statuses)
+        message.header.stamp = Time(sec=(now := time_ns()) // 10**9, nanosec=now % 10**9)
+        self._publisher.publish(message)
+
+    def _status(self, part: str, level: bytes, sentence: str, values: dict) -> DiagnosticStatus:
+        return DiagnosticStatus(name=f'{self._name}: {part}', level=level, message=sentence, hardware_id=self._hardware,
+                                values=[KeyValue(key=key, value=str(value)) for key, value in values.items()])
+
+    def _simulation(self, measured) -> DiagnosticStatus:
+        missed, dropped = measured.missed - self._before[0], measured.dropped - self._before[1]
+        values = {
+            'real_time_factor': f'{measured.real_time_factor:.4g}',
+            'real_time_factor wanted': f'{self._values["real_time_factor"]:g}',
+            'tick': measured.tick,
+            'missed ticks': measured.missed,
+            'dropped ticks': round(measured.dropped * self._values['rate'] * self._values['real_time_factor']),
+            'dropped time, s': f'{measured.dropped:.6g}',
+            'lateness mean, s': f'{measured.lateness[0]:.3g}',
+            'lateness largest, s': f'{measured.lateness[1]:.3g}',
+            'energy balance error, J': f'{measured.energy_error:.3g}',
+            'energy balance error, relative': f'{measured.energy_error / measured.energy_size:.3g}',
+        }
+        if measured.divergence:
+            error = measured.divergence
+            values.update({'divergence joint': error.joint, 'divergence time, s': repr(error.time),
+                           'last good position': error.position.tolist(),
+                           'last good velocity': error.velocity.tolist()})
+            return self._status('simulation', ERROR, str(error), values)
+        if dropped:
+            return self._status('simulation', WARN, f'{dropped:.3f} s dropped, the machine cannot keep up', values)
+        sentence = 'paused' if measured.paused else 'running'
+        if self._values['lockstep'] and not measured.paused:
+            sentence = 'in lockstep with its controllers'
+        return self._status('simulation', OK, sentence + (f', {missed} ticks came late' if missed else ''), values)
+
+    def _commands(self, measured) -> DiagnosticStatus:
+        count = sum(measured.rejected.values())
+        fresh = count - self._before[2]
+        values = {'rejected': count}
+        values.update({f'rejected, {reason}': number for reason, number in measured.rejected.items()})
+        sentence = f'{fresh} rejected' if fresh else 'none rejected'
+        return self._status('commands', WARN if fresh else OK, sentence, values)
+
+    def _log_state(self) -> DiagnosticStatus:
+        if not self._log:
+            return self._status('log', OK, 'off', {})
+        values = {'path': self._values['record'], 'waiting messages': self._log.backlog}
+        error = self._log.error
+        return self._status('log', ERROR if error else OK, str(error) if error else 'writing', values)

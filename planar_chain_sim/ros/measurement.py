@@ -1,0 +1,67 @@
+"""What a running simulator can say about itself: pace, lateness, rejected commands, energy."""
+from __future__ import annotations
+
+from time import monotonic_ns
+from typing import NamedTuple, Optional
+
+from ..dynamics import SimulationError
+from ..energy_balance import EnergyBalance
+
+
+class Measurement(NamedTuple):
+    """
+    One look; counts are since the start, `lateness` (mean, largest; s) and `real_time_factor` since the last look.
+
+    `missed`: ticks that came more than a period late and were made up for. `dropped`: s that were not.
+    `energy_error`, `energy_size`: of EnergyBalance, J. `rejected`: reason -> count. `divergence`: why the motion ended.
+    """
+
+    tick: int
+    paused: bool
+    real_time_factor: float
+    missed: int
+    dropped: float
+    lateness: tuple[float, float]
+    energy_error: float
+    energy_size: float
+    rejected: dict
+    divergence: Optional[SimulationError]
+
+
+class Meter:
+    """Counts while the tick thread runs; only that thread touches it. balance: the EnergyBalance to feed."""
+
+    def __init__(self, simulation):
+        self.balance = EnergyBalance(simulation.chain, simulation.step, simulation.position, simulation.velocity)
+        self._step = simulation.step
+        self._missed, self._dropped = 0, 0.0
+        self._ticks = self._sum = self._largest = 0  # wake-ups and their lateness, ns, since the last look
+        self._last = simulation.tick, monotonic_ns()
+
+    def begin(self, simulation) -> None:
+        """Begin a new energy balance: the state or the chain was changed from outside."""
+        self.balance.restart(simulation.chain, simulation.position, simulation.velocity)
+
+    def late(self, late: int, period: float) -> None:
+        """Take the lateness of a wake-up, ns, at this period, ns."""
+        self._ticks += 1
+        self._sum += late
+        if late > self._largest:
+            self._largest = late
+        if late > period > 0.0:
+            self._missed += 1
+
+    def dropped(self, seconds: float) -> None:
+        """Take time that was given up."""
+        self._dropped += seconds
+
+    def measure(self, tick: int, intake, divergence: Optional[SimulationError], paused: bool) -> Measurement:
+        """Return how things stand and begin a new look."""
+        self.balance.fold()
+        now, (last_tick, last) = monotonic_ns(), self._last
+        lateness = self._sum / max(self._ticks, 1) * 1e-9, self._largest * 1e-9
+        factor = (tick - last_tick) * self._step / max((now - last) * 1e-9, 1e-9)
+        self._ticks = self._sum = self._largest = 0
+        self._last = tick, now
+        return Measurement(tick, paused, factor, self._missed, self._dropped, lateness, self.balance.error,
+                           self.balance.size, dict(intake.rejected), divergence)

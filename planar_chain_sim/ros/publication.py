@@ -1,0 +1,87 @@
+"""What the tick thread tells: states, clock and events, published and recorded, the same bytes for both."""
+from __future__ import annotations
+
+from collections import deque
+import json
+from time import monotonic_ns
+from typing import Optional
+
+from ..recording.cdr import ClockLayout, encode_string, JointStateLayout
+
+
+class Publication:
+    """
+    Publishes for `simulation`, stamped by `pacing`.
+
+    `values`: the node's parameters. `publishers`: key of OUTPUTS -> publisher. `log`: BackgroundLogWriter or None.
+    `outcome`: rows for Simulation.advance, so that the kernel writes a tick's outcome straight into the message.
+    `stamp`: ns, of the state last shown.
+    """
+
+    def __init__(self, simulation, values, publishers, log, pacing):
+        self._simulation, self._log, self._pacing = simulation, log, pacing
+        self._state, self._events, self._clock = (publishers.get(key) for key in ('state', 'events', 'clock'))
+        self._state_topic, self._events_topic = self._state.topic_name, self._events.topic_name
+        self.layout = layout = JointStateLayout(simulation.chain.joint_names, values['frame_id'])
+        self._clock_layout = ClockLayout()
+        self.outcome = layout.position[None], layout.velocity[None], layout.effort[None]
+        self.stamp, self._waiting = 0, deque()
+        self.ticks_per_state = round(values['rate'] / values['publish_rate'])
+
+    def lay_out(self) -> None:
+        """Put the simulation's state into the message, where no tick has just done so."""
+        layout, simulation = self.layout, self._simulation
+        layout.position[:], layout.velocity[:] = simulation.position, simulation.velocity
+        layout.effort[:] = simulation.effort
+
+    def show(self, record: bool, publish: bool) -> None:
+        """Record and publish the laid out state, or one of both."""
+        tick = self._simulation.tick
+        stamp = self._pacing.stamp(tick)
+        self.layout.set_stamp(stamp)
+        data = self.layout.to_bytes()
+        if record and self._log:
+            self._log.write(self._state_topic, data, self._pacing.wall(monotonic_ns()), stamp, tick)
+        if publish:
+            if self._clock:
+                self._tick_clock(stamp, record)
+            self._state.publish(data)
+        self.stamp = stamp
+        while self._waiting:
+            self._events.publish(self._waiting.popleft())
+
+    def _tick_clock(self, stamp: int, record: bool) -> None:
+        """Publish the time before the state that bears it, so that no listener sees a state from the future."""
+        self._clock_layout.set_stamp(stamp)
+        data = self._clock_layout.to_bytes()
+        self._clock.publish(data)
+        if record and self._log:
+            self._log.write(self._clock.topic_name, data, self._pacing.wall(monotonic_ns()), stamp)
+
+    def event(self, kind: str, **data) -> None:
+        """Publish an event of the present tick and record it."""
+        self.tell(kind, json.dumps(data))
+        while self._waiting:
+            self._events.publish(self._waiting.popleft())
+
+    def tell(self, kind: str, data: str, tick: Optional[int] = None) -> None:
+        """
+        Record an event with its data in JSON, and publish it when the next state is out, which must not wait.
+
+        `tick`: the present one where None.
+        """
+        tick = self._simulation.tick if tick is None else tick
+        message = encode_string(f'{{"tick": {tick}, "kind": "{kind}", "data": {data}}}')
+        self._waiting.append(message)
+        if self._log:
+            now = self._pacing.wall(monotonic_ns())
+            self._log.write(self._events_topic, message, now, now)
+
+    def record_command(self, topic: str, data: bytes, source_time: int) -> None:
+        """Record a command as it came."""
+        if self._log:
+            self._log.write(topic, data, self._pacing.wall(monotonic_ns()), source_time)
+
+    def seen(self) -> bool:
+        """Tell whether anybody listens to the states."""
+        return self._state.get_subscription_count() > 0

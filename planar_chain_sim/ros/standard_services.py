@@ -1,0 +1,144 @@
+"""
+The services and the action of `simulation_interfaces`, where that package is installed: what every simulator offers.
+
+Numbers and fields are those of its message definitions (version 1, the same on Jazzy and later). Time is never reset:
+it would jump back and stop whoever listens.
+"""
+from __future__ import annotations
+
+from typing import Callable
+
+# SimulatorFeatures: reset, of the state; state got, set, pause; steps single, multiple, by action.
+FEATURES = (20, 22, 24, 25, 26, 31, 32, 33)
+FEATURE_UNSUPPORTED, OK, OPERATION_FAILED, ALREADY_IN_TARGET_STATE = 0, 1, 4, 101   # Result
+SCOPE_DEFAULT, SCOPE_STATE, SCOPE_ALL = 0, 2, 255   # ResetSimulation
+STOPPED, PLAYING, PAUSED, QUITTING = 0, 1, 2, 3     # SimulationState
+CHUNK = 100  # steps between two looks at what else is asked
+
+
+class StandardServices:
+    """Answers for a Simulator; `quit()` ends the process."""
+
+    def __init__(self, simulator, quit_process: Callable[[], None], name: str):
+        self._simulator, self._quit, self._name = simulator, quit_process, name
+        self._stopped_at = None  # tick at which somebody wanted it stopped
+        self.rows = {   # name of the service -> (type, answer)
+            'get_simulator_features': ('GetSimulatorFeatures', self.features),
+            'reset_simulation': ('ResetSimulation', self.reset),
+            'step_simulation': ('StepSimulation', self.step),
+            'get_simulation_state': ('GetSimulationState', self.get_state),
+            'set_simulation_state': ('SetSimulationState', self.set_state)}
+
+    def features(self, request, response):
+        """Say what is supported."""
+        response.features.features = list(FEATURES)
+        response.features.custom_info = f'planar_chain_sim, node {self._name}; time is never reset'
+        return response
+
+    def reset(self, request, response):
+        """Put back the initial state; a scope that names time or spawned things, and not all, is not supported."""
+        if request.scope in (SCOPE_DEFAULT, SCOPE_STATE, SCOPE_ALL):
+            return _answer(response, *self._simulator.ask('reset'))
+        return _fail(response, FEATURE_UNSUPPORTED, f'scope {request.scope} is not supported, must be STATE '
+                     f'({SCOPE_STATE}) or ALL ({SCOPE_ALL})')
+
+    def step(self, request, response):
+        """Step this many ticks, while paused."""
+        for done, sentence in self._steps(request.steps):
+            if not done:
+                return _fail(response, OPERATION_FAILED, sentence)
+        return _answer(response, True, '')
+
+    def get_state(self, request, response):
+        """Say whether it is playing, paused or stopped."""
+        response.state.state = self._state()
+        return _answer(response, True, '')
+
+    def set_state(self, request, response):
+        """Play, pause, stop (pause and reset) or quit."""
+        wanted = request.state.state
+        if wanted == self._state():
+            return _fail(response, ALREADY_IN_TARGET_STATE, 'already so')
+        if wanted == QUITTING:
+            self._quit()
+        elif wanted in (PLAYING, PAUSED, STOPPED):
+            self._stopped_at = None
+            done, sentence = self._simulator.ask('pause', wanted != PLAYING)
+            if done and wanted == STOPPED:
+                done, sentence = self._simulator.ask('reset')
+                self._stopped_at = self._simulator.tick
+            return _answer(response, done, sentence)
+        else:
+            return _fail(response, OPERATION_FAILED, f'state {wanted} is none, must be 0 to 3')
+        return _answer(response, True, '')
+
+    async def simulate(self, goal, action_type, pause):
+        """Step this many ticks, with feedback, until done or cancelled; `await pause()` lets others have a turn."""
+        result, feedback = action_type.Result(), action_type.Feedback()
+        total, completed = goal.request.steps, 0
+        for done, sentence in self._steps(total):
+            if not done:
+                goal.abort()
+                return _fail(result, OPERATION_FAILED, sentence)
+            completed = sentence
+            feedback.completed_steps, feedback.remaining_steps = completed, total - completed
+            goal.publish_feedback(feedback)
+            await pause()
+            if goal.is_cancel_requested:
+                goal.canceled()
+                return _fail(result, OPERATION_FAILED, f'cancelled after {completed} of {total} steps')
+        goal.succeed()
+        return _answer(result, True, '')
+
+    def _steps(self, total: int):
+        """Step chunk by chunk; yield (True, steps completed) or at last (False, why)."""
+        completed = 0
+        while completed < total:
+            chunk = min(CHUNK, total - completed)
+            done, sentence = self._simulator.ask('step', chunk)
+            completed += chunk
+            yield (True, completed) if done else (False, sentence)
+
+    def _state(self) -> int:
+        if not self._simulator.paused:
+            return PLAYING
+        return STOPPED if self._stopped_at == self._simulator.tick else PAUSED
+
+
+def _answer(response, done: bool, sentence: str):
+    return _fail(response, OK if done else OPERATION_FAILED, '' if done else sentence)
+
+
+def _fail(response, code: int, sentence: str):
+    response.result.result, response.result.error_message = code, sentence
+    return response
+
+
+class _Turn:
+    """Awaited by a coroutine that gives others a turn in the same executor."""
+
+    def __init__(self, executor):
+        self._executor = executor
+
+    def __await__(self):
+        self._executor.wake()  # so that it comes back to us
+        yield
+
+
+def offer(node, simulator, executor, quit_process: Callable[[], None]) -> bool:
+    """Offer all of it on the node, served by `executor`; return False where the package is not installed."""
+    try:
+        from simulation_interfaces import srv
+        from simulation_interfaces.action import SimulateSteps
+    except ImportError:
+        return False
+    from rclpy.action import ActionServer, CancelResponse
+    services = StandardServices(simulator, quit_process, node.get_fully_qualified_name())
+    for name, (type_name, answer) in services.rows.items():
+        node.create_service(getattr(srv, type_name), f'~/{name}', answer)
+
+    async def execute(goal):
+        return await services.simulate(goal, SimulateSteps, lambda: _Turn(executor))
+    ActionServer(node, SimulateSteps, '~/simulate_steps', execute,
+                 cancel_callback=lambda goal: CancelResponse.ACCEPT)
+    return True
