@@ -68,7 +68,7 @@ def resolve_method(chain: Chain, method: str, tolerance: Optional[float]):
         raise ValueError(f'tolerance is {tolerance!r}, must be None: method {method!r} has a fixed step')
     elif isinstance(tolerance, bool) or not isinstance(tolerance, (int, float, np.floating)) or not 0 < tolerance < 1:
         raise ValueError(f'tolerance is {tolerance!r}, must be a number between 0 and 1')
-    name = choose_method(tolerance, damping_rate(chain)) if method == 'auto' else method
+    name = choose_method(tolerance, damping_rate(chain), chain.joint_count) if method == 'auto' else method
     return METHODS[name], None if tolerance is None else float(tolerance)
 
 

@@ -183,7 +183,8 @@ name: bouncing
 bodies:
   - {name: block, carrier: base, mass: 1.0, inertia_com: 0.1, slide: {joint: fall, axis: 1.5707963267948966, lower: 0.0,
      restitution: 0.5, position: 0.2}}
-  - {name: arm, carrier: base, mass: 1.0, center_of_mass: [0.5, 0.0], inertia: 0.4, rotation: {joint: swing, friction: 1.0}}
+  - {name: arm, carrier: base, mass: 1.0, center_of_mass: [0.5, 0.0], inertia: 0.4, rotation: {joint: swing,
+     friction: 6.0, velocity: 2.0}}
 """
 
 

@@ -23,12 +23,15 @@ COLUMNS = ('links', 'library', 'how', 'evaluation, ns: median', 'evaluation, ns:
            'per link, ns: min', 'load, s: median', 'load, s: min', 'memory, MiB')
 ROUNDS, LOADS = 15, 5
 
-# A fresh interpreter loads the file once: CPU time of it, and the memory that it and a simulation took.
+# A fresh interpreter loads the file once: CPU time of it, and the memory that it and a simulation took. The peak is that
+# of the interpreter itself (getrusage would give the parent's where that is larger).
 _LOAD = """
-import resource, sys, time
+import sys, time
 import numpy, yaml, planar_chain_sim as pcs
 pcs.load_chain, pcs.Simulation
-def peak(): return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+def peak():
+    with open('/proc/self/status') as status:
+        return next(int(line.split()[1]) for line in status if line.startswith('VmHWM')) / 1024.0
 before, began = peak(), time.process_time()
 simulation = pcs.Simulation(pcs.load_chain(sys.argv[1]))
 loaded = time.process_time() - began
