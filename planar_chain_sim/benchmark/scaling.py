@@ -23,8 +23,8 @@ COLUMNS = ('links', 'library', 'how', 'evaluation, ns: median', 'evaluation, ns:
            'per link, ns: min', 'load, s: median', 'load, s: min', 'memory, MiB')
 ROUNDS, LOADS = 15, 5
 
-# A fresh interpreter loads the file once: CPU time of it, and the memory that it and a simulation took. The peak is that
-# of the interpreter itself (getrusage would give the parent's where that is larger).
+# A fresh interpreter loads the file once: CPU time of it, and the memory that it and a simulation took. The peak is its
+# own (getrusage would give the parent's where that is larger).
 _LOAD = """
 import sys, time
 import numpy, yaml, planar_chain_sim as pcs
