@@ -90,7 +90,13 @@ def test_evaluations_in_lanes_are_forward_dynamics(name):
     chain = CHAINS[name]
     position, velocity, effort = states(chain)
     for form in ('recursive', 'dense'):
-        got = plan_of(chain).model.evaluate_batch(position, velocity, effort, 2, form == 'dense')
+        try:
+            batch = _kernel.StateBatch(plan_of(chain).model, position, velocity, effort, form == 'dense')
+        except ValueError as error:   # only short serial chains have a dense form for lanes
+            assert form == 'dense' != plan_of(chain).form and 'not made for lanes' in str(error)
+            continue
+        batch.evaluate(2)
+        got = batch.accelerations()
         wanted = np.array([pcs.forward_dynamics(chain, *state, form) for state in zip(position, velocity, effort)])
         assert got.tobytes() == wanted.tobytes()
 

@@ -1,14 +1,13 @@
 """The benchmark executable on tiny settings, its named problems and its arithmetic; nothing here judges a wall time."""
 import csv
 from dataclasses import replace
-import os
 
 import numpy as np
 import pytest
 from random_trees import random_tree
 
 import planar_chain_sim as pcs
-from planar_chain_sim.benchmark import (batch, cpu_time, energy_drift, references, scaling, skipping, stability,
+from planar_chain_sim.benchmark import (cpu_time, energy_drift, references, scaling, skipping, stability,
                                         work_precision)
 from planar_chain_sim.benchmark.command_line import main
 from planar_chain_sim.benchmark.problems import PROBLEMS, uniform_rods
@@ -199,14 +198,6 @@ def test_text_of_a_long_chain_loads_as_the_same_chain():
     arrays = np.random.default_rng(3).normal(size=(3, 7))
     np.testing.assert_array_equal(pcs.forward_dynamics(chain, *arrays), pcs.forward_dynamics(loaded, *arrays))
     assert [joint.position for joint in loaded.joints] == [joint.position for joint in chain.joints]
-
-
-def test_batch_says_what_there_is_not():
-    chain = uniform_rods(2)
-    states = np.zeros((4, 2))
-    assert (batch.own_evaluation(chain, states, states, states) is None) == (
-        not hasattr(plan_of(chain).model, 'evaluate_batch'))
-    assert os.path.dirname(batch.__file__) == os.path.dirname(scaling.__file__)
 
 
 def test_every_number_of_the_stability_suite_holds():

@@ -166,6 +166,20 @@ def test_what_stands_and_what_slides_is_the_one_solution(seed):
             assert a == 0.0 or abs(abs(force) - most) < scale
 
 
+def test_acceleration_of_a_state_put_by_hand_knows_what_stands():
+    chain = with_laws(uniform_rods(2), friction=[10.0, 0.0], upper=[np.inf, 0.5], position=[0.1, 0.2])
+    simulation = pcs.Simulation(chain)
+    held = simulation.acceleration
+    assert held[0] == 0.0 and held[1] != 0.0 and simulation.statistics['events'] == 0
+    simulation.advance(1)
+    np.testing.assert_allclose(simulation.acceleration, held, rtol=0.05)
+    simulation.set_state([0.1, 0.5], [0.0, 0.0])
+    up = pcs.inverse_dynamics(chain, [0.1, 0.5], [0.0, 0.0], [0.0, 3.0])
+    assert simulation.acceleration[1] < 0.0                       # the weight takes it off the stop
+    simulation.advance(1, up)
+    assert simulation.acceleration.tolist() == [0.0, 0.0]         # and this effort holds it there
+
+
 def robot():
     """Return the four-link robot with friction in two joints and stops in three."""
     return with_laws(configured('four_link_robot'), friction=[0.0, 1.5, 0.0, 0.6, 0.0],

@@ -1,7 +1,7 @@
 """Many states at once: evaluations and RK4 steps per core-second; heyoka's compiled function, MuJoCo's rollout."""
 from __future__ import annotations
 
-from typing import Callable, Iterator, Optional
+from typing import Callable, Iterator
 
 import numpy as np
 
@@ -10,6 +10,7 @@ import planar_chain_sim as pcs
 from .cpu_time import interleaved
 from .problems import uniform_rods
 from .work_precision import OWN
+from .. import _kernel
 from ..chain import Chain
 from ..plan import plan_of
 
@@ -20,19 +21,14 @@ ROUNDS = 21
 STEP, STEPS = 1e-3, 20
 
 
-def own_evaluation(chain: Chain, position, velocity, effort) -> Optional[Callable[[int], None]]:
-    """Return a loop over all states (states, joints); None where the kernel has none."""
-    model, dense = plan_of(chain).model, plan_of(chain).form == 'dense'
-    if not hasattr(model, 'evaluate_batch'):
-        return None
-    return lambda count: model.evaluate_batch(position, velocity, effort, count, dense)
+def own_evaluation(chain: Chain, position, velocity, effort) -> Callable[[int], None]:
+    """Return a loop over all states (states, joints), put side by side before, as heyoka is given them."""
+    plan = plan_of(chain)
+    return _kernel.StateBatch(plan.model, position, velocity, effort, plan.form == 'dense').evaluate
 
 
-def own_rollout(chain: Chain, position, velocity, threads: int) -> Optional[Callable[[int], None]]:
-    """Return a loop of RK4 roll-outs of all states on so many threads; None where there is no rollout_batch."""
-    if not hasattr(pcs, 'rollout_batch'):
-        return None
-
+def own_rollout(chain: Chain, position, velocity, threads: int) -> Callable[[int], None]:
+    """Return a loop of RK4 roll-outs of all states on so many threads."""
     def roll(count):
         for _ in range(count):
             pcs.rollout_batch(chain, position, velocity, None, duration=STEPS * STEP, step=STEP, method='rk4',
@@ -46,7 +42,7 @@ def rows(peers: dict, quick: bool = False) -> Iterator[tuple]:
     for links in LINKS[:1] if quick else LINKS:
         chain = uniform_rods(links)
         position, velocity, effort = np.random.default_rng(1).normal(size=(3, states, links))
-        loops = {(OWN, 'evaluate_batch'): own_evaluation(chain, position, velocity, effort)}
+        loops = {(OWN, 'many states in lanes'): own_evaluation(chain, position, velocity, effort)}
         if 'heyoka' in peers:
             for formulation in peers['heyoka'].formulations(chain):
                 for fast in (False, True):
@@ -64,15 +60,13 @@ def rows(peers: dict, quick: bool = False) -> Iterator[tuple]:
 
 
 def _compared(links: int, what: str, loops: dict, rounds: int, per_run: int) -> Iterator[tuple]:
-    """Time the loops in turns; rows with the ratio to ours, which is the first, where it is there."""
-    ours = next(iter(loops))
-    loops = {key: loop for key, loop in loops.items() if loop is not None}
+    """Time the loops in turns; rows with the ratio to ours, which is the first."""
     times = interleaved(list(loops.values()), rounds, f'{links} links, {what}', budget=2.0)
     spread = {key: (np.median(seconds) / per_run * 1e9, seconds.min() / per_run * 1e9)
               for key, seconds in zip(loops, times)}
-    middle, low = spread.get(ours, (None, None))
+    middle, low = next(iter(spread.values()))
     for (library, how), (median, least) in spread.items():
-        yield links, what, library, how, median, least, 1e9 / median, middle and median / middle, low and least / low
+        yield links, what, library, how, median, least, 1e9 / median, median / middle, least / low
 
 
 def draw(table: list[tuple], path) -> None:

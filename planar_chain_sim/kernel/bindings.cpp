@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -89,29 +90,6 @@ class Model {
     return sum;
   }
 
-  // Accelerations (states, joints), computed `repeats` times over in the lanes of the widest vectors, by one thread.
-  Array evaluate_batch(const Array& position, const Array& velocity, const Array& effort, std::int64_t repeats,
-                       bool dense) {
-    Array acceleration({position.shape(0), position.shape(1)});
-    double* out = acceleration.mutable_data();
-    py::gil_scoped_release release;
-    pc::with_width(pc::vector_widths().back(), [&](auto width) {
-      pc::StatesInLanes<typename decltype(width)::Real> states(
-          {&chain_, &forces, dense}, position.data(), velocity.data(), effort.data(), position.shape(0), repeats);
-      if (states.possible()) {
-        decltype(width)::Vectors::run(states);
-        return states.read(out);
-      }
-      for (std::int64_t k = 0; k < repeats; ++k)  // a form that is not made for lanes
-        for (py::ssize_t i = 0; i < position.size(); i += chain_.joint_count) {
-          std::copy_n(effort.data() + i, chain_.joint_count, effort_.begin());
-          forces.add_passive(position.data() + i, velocity.data() + i, effort_.data());
-          form(dense).forward(position.data() + i, velocity.data() + i, effort_.data(), out + i);
-        }
-    });
-    return acceleration;
-  }
-
   Array inverse_dynamics(const Array& position, const Array& velocity, const Array& acceleration) {
     Array effort(chain_.joint_count);
     recursion_->inverse(position.data(), velocity.data(), acceleration.data(), true, effort.mutable_data());
@@ -162,6 +140,38 @@ class Model {
   std::optional<pc::Recursion> recursion_;
   std::unique_ptr<pc::Form> recursive_, dense_;
   std::vector<double> effort_;
+};
+
+// Accelerations of many states, (states, joints) each, in the lanes of the widest vectors, by one thread.
+class StateBatch {
+ public:
+  StateBatch(const Model& model, const Array& position, const Array& velocity, const Array& effort, bool dense)
+      : states_(position.shape(0)), joints_(position.shape(1)) {
+    pc::with_width(pc::vector_widths().back(), [&](auto width) {
+      using Width = decltype(width);
+      auto lanes = std::make_shared<pc::StatesInLanes<typename Width::Real>>(
+          pc::Scene{&model.chain(), &model.forces, dense}, position.data(), velocity.data(), effort.data(), states_);
+      if (!lanes->possible()) throw py::value_error("this form of the chain is not made for lanes");
+      run_ = [lanes](std::int64_t repeats) { lanes->repeats = repeats, Width::Vectors::run(*lanes); };
+      read_ = [lanes](double* out) { lanes->read(out); };
+    });
+  }
+
+  void evaluate(std::int64_t repeats) {
+    py::gil_scoped_release release;
+    run_(repeats);
+  }
+
+  Array accelerations() const {
+    Array out({states_, joints_});
+    read_(out.mutable_data());
+    return out;
+  }
+
+ private:
+  const py::ssize_t states_, joints_;
+  std::function<void(std::int64_t)> run_;
+  std::function<void(double*)> read_;
 };
 
 // State, method and workspace of one simulation. Ticks are counted by Python.
@@ -288,7 +298,7 @@ class Stepper {
     Array out(static_cast<py::ssize_t>(effort_.size()));
     int joint;
     if (auto* driven = dynamic_cast<pc::EventDriven*>(integrator_.get())) {
-      joint = driven->accelerate(state_, out.mutable_data());
+      joint = driven->accelerate(state_, effort_.data(), out.mutable_data());
     } else {
       latched_ = effort_;
       forces_.add_passive(state_.position.data(), state_.velocity.data(), latched_.data());
@@ -394,12 +404,15 @@ PYBIND11_MODULE(_kernel, module) {
       .def("evaluate_repeatedly", &Model::evaluate_repeatedly, py::arg("position"), py::arg("velocity"),
            py::arg("effort"), py::arg("count"), py::arg("dense") = false)
       .def_property_readonly("refined", [](const Model& m) { return m.chain().refined; })
-      .def("evaluate_batch", &Model::evaluate_batch, py::arg("position"), py::arg("velocity"), py::arg("effort"),
-           py::arg("repeats"), py::arg("dense") = false)
       .def("inverse_dynamics", &Model::inverse_dynamics)
       .def("mass_matrix", &Model::mass_matrix)
       .def("derivatives", &Model::derivatives)
       .def("energy", &Model::energy);
+
+  py::class_<StateBatch>(module, "StateBatch")
+      .def(py::init<const Model&, const Array&, const Array&, const Array&, bool>(), py::keep_alive<1, 2>())
+      .def("evaluate", &StateBatch::evaluate)
+      .def("accelerations", &StateBatch::accelerations);
 
   py::class_<pc::MethodData>(module, "MethodData")
       .def(py::init([](std::string family, int order, bool adaptive, double tolerance, double fixed) {

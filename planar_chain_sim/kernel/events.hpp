@@ -97,8 +97,16 @@ class EventDriven final : public Integrator {
     if (motion_) motion_->load(std::vector<double>(at, all.data() + all.size()));
   }
 
-  // Accelerations at a state, of joints that stand zero; -1, or the joint whose pivot vanished.
-  int accelerate(const JointState& state, double* acceleration) {
+  // Accelerations at a state under the actuators that acted last, of joints that stand zero; -1, or the joint whose pivot
+  // vanished.
+  int accelerate(const JointState& state, const double* actuator, double* acceleration) {
+    if (!under_way_) {                           // a state put by hand: what stands there is not decided yet
+      EventDriven decided(chain_, forces_, method_, step_, dense_);
+      JointState start = state;
+      Progress progress;
+      if (!decided.begin(0, 0.0, start, actuator, progress)) return progress.joint;
+      return decided.accelerate(start, actuator, acceleration);
+    }
     std::fill_n(acceleration, joints_, 0.0);
     if (!motion_) return -1;
     gather(state, moved_);

@@ -214,43 +214,52 @@ class ScenesInLanes {
   Row actuator_, effort_, stage_, rates_, accelerations_;
 };
 
-// Accelerations of many states of one chain, `repeats` times over, for timing: all arrays (count, joints). States are put
-// side by side once, before.
+// Accelerations of many states of one chain, all arrays (count, joints), which are put side by side once: run() computes
+// them `repeats` times over. All that belongs to one block of lanes lies together: arrays of their own, each of a whole
+// number of pages, would meet in the same lines of the cache.
 template <class Real>
 class StatesInLanes {
  public:
   StatesInLanes(const Scene& scene, const double* position, const double* velocity, const double* effort,
-                std::size_t count, std::int64_t repeats)
-      : joints_(static_cast<std::size_t>(scene.chain->joint_count)), count_(count), repeats_(repeats),
-        constants_(in_all_lanes(scene)), form_(make_form<Real>(constants_.chain, scene.dense)),
-        position_(in_lanes(position)), velocity_(in_lanes(velocity)), given_(in_lanes(effort)),
-        acceleration_(given_.size()), effort_(joints_) {}
+                std::size_t count)
+      : joints_(static_cast<std::size_t>(scene.chain->joint_count)), count_(count), constants_(in_all_lanes(scene)),
+        form_(make_form<Real>(constants_.chain, scene.dense)),
+        blocks_((count + lanes - 1) / lanes * quantities * joints_), effort_(joints_) {
+    const double* given[] = {position, velocity, effort};
+    for (std::size_t i = 0; i < count_; ++i)
+      for (std::size_t part = 0; part < 3; ++part)
+        for (std::size_t j = 0; j < joints_; ++j)
+          set_lane(block(i / lanes)[part * joints_ + j], static_cast<int>(i % lanes), given[part][i * joints_ + j]);
+  }
+
+  std::int64_t repeats = 1;
 
   bool possible() const { return form_ != nullptr; }
 
   void run() {
     const auto& forces = constants_.forces;
     const bool passive = forces.passive();
-    for (std::int64_t k = 0; k < repeats_; ++k)
-      for (std::size_t at = 0; at < position_.size(); at += joints_) {
-        const Real* effort = &given_[at];
+    for (std::int64_t k = 0; k < repeats; ++k)
+      for (std::size_t at = 0; at < blocks_.size(); at += quantities * joints_) {
+        const Real *position = &blocks_[at], *velocity = position + joints_, *effort = velocity + joints_;
+        Real* const acceleration = &blocks_[at + 3 * joints_];
         if (passive) {
-          for (std::size_t j = 0; j < joints_; ++j) effort_[j] = given_[at + j];
-          forces.add_passive(&position_[at], &velocity_[at], effort_.data());
+          for (std::size_t j = 0; j < joints_; ++j) effort_[j] = effort[j];
+          forces.add_passive(position, velocity, effort_.data());
           effort = effort_.data();
         }
-        form_->forward(&position_[at], &velocity_[at], effort, &acceleration_[at]);
+        form_->forward(position, velocity, effort, acceleration);
       }
   }
 
-  void read(double* acceleration) const {
+  void read(double* acceleration) {
     for (std::size_t i = 0; i < count_; ++i)
       for (std::size_t j = 0; j < joints_; ++j)
-        acceleration[i * joints_ + j] = lane(acceleration_[i / lanes * joints_ + j], static_cast<int>(i % lanes));
+        acceleration[i * joints_ + j] = lane(block(i / lanes)[3 * joints_ + j], static_cast<int>(i % lanes));
   }
 
  private:
-  static constexpr std::size_t lanes = lanes_in<Real>;
+  static constexpr std::size_t lanes = lanes_in<Real>, quantities = 4;  // position, velocity, effort, acceleration
 
   static SideBySide<Real> in_all_lanes(const Scene& scene) {
     SideBySide<Real> constants;
@@ -258,19 +267,13 @@ class StatesInLanes {
     return constants;
   }
 
-  std::vector<Real> in_lanes(const double* rows) const {
-    std::vector<Real> blocks((count_ + lanes - 1) / lanes * joints_);
-    for (std::size_t i = 0; i < count_; ++i)
-      for (std::size_t j = 0; j < joints_; ++j)
-        set_lane(blocks[i / lanes * joints_ + j], static_cast<int>(i % lanes), rows[i * joints_ + j]);
-    return blocks;
-  }
+  Real* block(std::size_t k) { return &blocks_[k * quantities * joints_]; }
 
   const std::size_t joints_, count_;
-  const std::int64_t repeats_;
   SideBySide<Real> constants_;
   std::unique_ptr<FormOf<Real>> form_;
-  std::vector<Real> position_, velocity_, given_, acceleration_, effort_;
+  AlignedVector<Real> blocks_;
+  std::vector<Real> effort_;
 };
 
 }  // namespace planar_chain

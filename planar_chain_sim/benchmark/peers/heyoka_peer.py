@@ -23,6 +23,7 @@ class Peer:
     def __init__(self):
         """Import it; ImportError."""
         import heyoka
+        heyoka.set_nthreads(1)   # its compiled functions share states out; idle threads would spin in others' readings
         self.version = heyoka.__version__
         self._heyoka = heyoka
 
