@@ -215,12 +215,16 @@ class DenseSeries {
     else return (of[0] + of[1]) + (of[2] + of[3]);
   }
 
-  // Sum over j of columns[j] x_j, in pairs: the less there is to wait for.
+  // Sum over j of columns[j] x_j, in pairs: the less there is to wait for. (Always inlined: no call hands on a vector, so
+  // how calls would do that on different machines does not matter.)
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wpsabi"
   template <int from = 0, int count = Angles>
   PLANAR_CHAIN_INLINE static Vector product(const Row (&columns)[Angles], const Row& x, int p) {
     if constexpr (count == 1) return columns[from](p) * x.of[from];
     else return product<from, count / 2>(columns, x, p) + product<from + count / 2, count - count / 2>(columns, x, p);
   }
+#pragma GCC diagnostic pop
 
   // What the angles feel of z at a vector with column B: arm . z = (j E_i) . (B_i z).
   PLANAR_CHAIN_INLINE void reach(const Row& re, const Row& im, Column& x, Column& y) const {
