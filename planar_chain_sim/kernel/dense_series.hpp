@@ -162,8 +162,10 @@ class DenseSeries {
       for (int w = 0; w < slides; ++w) of[w] = known_of(w, k, bend_x, bend_y);
 
     for (int p = 0; p < parts; ++p) {
-      Vector more = product(inverse_, balance, p);
-      Vector less = product(answer_x_, bend_x, p) + product(answer_y_, bend_y, p);
+      Vector more, less, across;
+      multiply(inverse_, balance, p, more);
+      multiply(answer_x_, bend_x, p, less), multiply(answer_y_, bend_y, p, across);
+      less += across;
       if constexpr (Slides)
         for (int w = 0; w < slides; ++w) {
           more += slide_inverse_[w](p) * of[w].balance;
@@ -185,8 +187,13 @@ class DenseSeries {
       for (int w = 0; w < slides; ++w) move(w, k, reciprocal, of[w]);
 
     for (int p = 0; p < parts; ++p) {
-      Vector x = product(coupling_x, bend_x, p), y = product(coupling_x, bend_y, p);
-      if (!straight) x -= product(coupling_y, bend_y, p), y += product(coupling_y, bend_x, p);
+      Vector x, y;
+      multiply(coupling_x, bend_x, p, x), multiply(coupling_x, bend_y, p, y);
+      if (!straight) {
+        Vector minus, plus;
+        multiply(coupling_y, bend_y, p, minus), multiply(coupling_y, bend_x, p, plus);
+        x -= minus, y += plus;
+      }
       if (k == 0) x += weight_x(p), y += weight_y(p);
       if constexpr (Slides)
         for (int w = 0; w < slides; ++w) {
@@ -215,16 +222,18 @@ class DenseSeries {
     else return (of[0] + of[1]) + (of[2] + of[3]);
   }
 
-  // Sum over j of columns[j] x_j, in pairs: the less there is to wait for. (Always inlined: no call hands on a vector, so
-  // how calls would do that on different machines does not matter.)
-#pragma GCC diagnostic push
-#pragma GCC diagnostic ignored "-Wpsabi"
+  // Sum over j of columns[j] x_j, in pairs: the less there is to wait for. (A returned vector would be a matter of ABI.)
   template <int from = 0, int count = Angles>
-  PLANAR_CHAIN_INLINE static Vector product(const Row (&columns)[Angles], const Row& x, int p) {
-    if constexpr (count == 1) return columns[from](p) * x.of[from];
-    else return product<from, count / 2>(columns, x, p) + product<from + count / 2, count - count / 2>(columns, x, p);
+  PLANAR_CHAIN_INLINE static void multiply(const Row (&columns)[Angles], const Row& x, int p, Vector& product) {
+    if constexpr (count == 1) {
+      product = columns[from](p) * x.of[from];
+    } else {
+      Vector other;
+      multiply<from, count / 2>(columns, x, p, product);
+      multiply<from + count / 2, count - count / 2>(columns, x, p, other);
+      product += other;
+    }
   }
-#pragma GCC diagnostic pop
 
   // What the angles feel of z at a vector with column B: arm . z = (j E_i) . (B_i z).
   PLANAR_CHAIN_INLINE void reach(const Row& re, const Row& im, Column& x, Column& y) const {
