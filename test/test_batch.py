@@ -221,3 +221,16 @@ def test_what_is_no_batch_is_refused_in_one_sentence(changes, sentence):
     with pytest.raises(ValueError) as refused:
         pcs.rollout_batch(**arguments)
     assert str(refused.value) == sentence
+
+
+def test_chains_with_springs_in_different_joints_do_not_share_lanes():
+    rods = uniform_rods(2)
+    chains = [replace(rods, bodies=tuple(
+        replace(body, rotation=replace(body.rotation, stiffness=5.0 * (i == k))) for i, body in enumerate(rods.bodies)))
+        for k in (0, 1, 0, 1)]
+    batch = pcs.rollout_batch(chains, [0.3, -0.2], duration=0.1, method='rk4')
+    for k, chain in enumerate(chains):
+        simulation = pcs.Simulation(chain, 'rk4')
+        simulation.set_state([0.3, -0.2], [0.0, 0.0])
+        simulation.advance(100)
+        assert batch.position[k, -1].tobytes() == simulation.position.tobytes()
