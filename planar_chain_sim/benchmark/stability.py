@@ -11,6 +11,7 @@ from .scenes.inputs import efforts, ticks
 from .scenes.masses import mass_ratios, massless
 from .scenes.motion import free_chain, let_go, long_pendulum, rope, spun, stiff, turns
 from .scenes.stops import bouncing, grazing, resting, stop_at_speed, together
+from ..command_line import Mistake
 
 COLUMNS = ('scene', 'what must hold', 'at most', 'measured', 'holds', 'MuJoCo')
 
@@ -26,7 +27,16 @@ SCENES = {
 
 
 def rows(peers: dict, quick: bool = False) -> Iterator[tuple]:
-    """Yield a row of COLUMNS per number; `quick` takes a small part of the long ones. MuJoCo with its own defaults."""
+    """
+    Yield a row of COLUMNS per number; `quick` takes a small part of the long ones.
+
+    MuJoCo has its own defaults, the ticks that ours has, and the better of two integrators where that can be said.
+    Mistake: no mpmath, without which there are no 50 digits.
+    """
+    try:
+        import mpmath  # noqa: F401
+    except ImportError as error:
+        raise Mistake(f'the scenes need mpmath, the extra [benchmark] ({error})') from None
     for name, scene in SCENES.items():
         for check in scene(peers, 0.002 if quick else 1.0):
             yield row_of(name, check)

@@ -23,7 +23,7 @@ def holding(peers: dict, size: float) -> Iterator[Check]:
     if 'MuJoCo' in peers:
         run = MuJoCoRun(chain, 1e-3)
         run.advance(int(HOUR * size))
-        theirs = abs(run.state[0, 0]) / size   # of an hour
+        theirs = abs(run.state[0, 0])
     yield Check('creep in an hour, rad', 0.0, abs(simulation.position[0]), theirs)
     ramp = -1e-3 * np.arange(3000)[:, None]
     simulation.advance(3000, ramp)

@@ -244,13 +244,13 @@ def turns(peers: dict, size: float) -> Iterator[Check]:
 
     def velocity(run, position):
         run.set_state(position, rate)
-        run.advance(1000 if size == 1.0 else 100)
+        run.advance(1000)
         return run.state[1] if isinstance(run, MuJoCoRun) else run.velocity
     theirs = by_mujoco(peers, chain, 1e-3, lambda run: np.abs(velocity(run, near) - velocity(run, far)).max())
-    for name, row in METHODS.items():
+    for name, row in METHODS.items():   # at no turn, a first angle that is off by one rounding gives 2e-12
         simulations = [Simulation(chain, name, 1e-3, 1e-12 if row.adaptive else None) for _ in range(2)]
         found = [velocity(run, position) for run, position in zip(simulations, (near, far))]
-        yield Check(f'{name}, 1 s: velocities against those of no turn, rad/s', 1e-11,
+        yield Check(f'{name}, 1 s: velocities against those of no turn, rad/s', 1e-10,
                     np.abs(found[1] - found[0]).max(), theirs)
         steps = [run.statistics['steps'] for run in simulations]
         if row.adaptive:
