@@ -71,10 +71,19 @@ class EventDriven final : public Integrator {
     return true;
   }
 
-  void forget() override { under_way_ = false; }
+  void forget() override { under_way_ = changed_ = false; }
+
+  void forces_changed() override { changed_ = under_way_; }
+
+  // Goes on from what stands and slides in `other`, whose chain has the same joints.
+  void adopt(const EventDriven& other) {
+    standing_ = other.standing_, sign_ = other.sign_, held_ = other.held_, places_ = other.places_;
+    under_way_ = changed_ = other.under_way_;
+    make_motion();
+  }
 
   std::vector<double> save() const override {
-    std::vector<double> all = {under_way_ ? 1.0 : 0.0};
+    std::vector<double> all = {!under_way_ ? 0.0 : changed_ ? 2.0 : 1.0};
     if (!under_way_) return all;
     all.insert(all.end(), held_.begin(), held_.end());
     for (int j = 0; j < joints_; ++j) all.push_back(standing_[j] ? 1.0 : 0.0), all.push_back(sign_[j]);
@@ -87,7 +96,7 @@ class EventDriven final : public Integrator {
   }
 
   void load(const std::vector<double>& all) override {
-    under_way_ = all[0] != 0.0;
+    under_way_ = all[0] != 0.0, changed_ = all[0] == 2.0;
     if (!under_way_) return;
     const double* at = all.data() + 1;
     for (double& value : held_) value = *at++;
@@ -100,7 +109,7 @@ class EventDriven final : public Integrator {
   // Accelerations at a state under the actuators that acted last, of joints that stand zero; -1, or the joint whose pivot
   // vanished.
   int accelerate(const JointState& state, const double* actuator, double* acceleration) {
-    if (!under_way_) {                           // a state put by hand: what stands there is not decided yet
+    if (!under_way_ || changed_) {               // what stands in this state is not decided yet
       EventDriven decided(chain_, forces_, method_, step_, dense_);
       JointState start = state;
       Progress progress;
@@ -130,17 +139,18 @@ class EventDriven final : public Integrator {
   bool go(std::int64_t tick, double from, double to, JointState& state, const double* actuator, Progress& progress) {
     kept_ = state;
     if (begin(tick, from, state, actuator, progress) && run(tick, from, to, state, progress)) return true;
-    state = kept_, under_way_ = false;
+    state = kept_, under_way_ = changed_ = false;
     return false;
   }
 
   // Where efforts or the state have changed, all that stands and slides is decided anew.
   bool begin(std::int64_t tick, double offset, JointState& state, const double* actuator, Progress& progress) {
-    if (under_way_ && std::memcmp(held_.data(), actuator, held_.size() * sizeof(double)) == 0) return true;
+    const bool same = std::memcmp(held_.data(), actuator, held_.size() * sizeof(double)) == 0;
+    if (under_way_ && !changed_ && same) return true;
     if (!under_way_) std::fill(standing_.begin(), standing_.end(), false);
     std::memcpy(held_.data(), actuator, held_.size() * sizeof(double));
     const bool known = under_way_;
-    under_way_ = true;
+    under_way_ = true, changed_ = false;
     return collide(tick, offset, state, progress) && decide(tick, offset, state, known, progress);
   }
 
@@ -271,6 +281,7 @@ class EventDriven final : public Integrator {
     recursion_.inverse(full_.position.data(), full_.velocity.data(), acceleration_.data(), true, lambda_.data());
     std::copy(held_.begin(), held_.end(), effort_.begin());
     for (const auto& law : forces_.springs) effort_[law.joint] -= law.stiffness * (full_.position[law.joint] - law.rest);
+    forces_.add_wrenches(full_.position.data(), nullptr, effort_.data());
     for (int j = 0; j < joints_; ++j) lambda_[j] -= effort_[j];
     return true;
   }
@@ -398,6 +409,7 @@ class EventDriven final : public Integrator {
     if (motion_) before_.add(motion_->counts);
     motion_.reset(), form_.reset();
     part_ = without_standing(chain_, forces_, standing_, places_.data());
+    part_.forces.chain = &part_.chain;
     watches_.clear(), driven_.clear(), holds_ = false;
     for (std::size_t k = 0; k < part_.joints.size(); ++k) {
       const int j = part_.joints[k], index = static_cast<int>(k);
@@ -461,7 +473,7 @@ class EventDriven final : public Integrator {
   std::unique_ptr<Motion> motion_;                            // null where nothing moves
   std::vector<double> driven_;                                // efforts on the moving part that do not change
   std::vector<Watch> watches_, violated_;
-  bool holds_ = false, under_way_ = false;
+  bool holds_ = false, under_way_ = false, changed_ = false;  // the last: forces other than the actuators'
   Counts before_;                                             // of motions that ended
   JointState moved_{0}, later_{0}, turning_{0};
   std::vector<double> lambda_, of_moved_, work_, acceleration_, effort_, answer_, unit_;
