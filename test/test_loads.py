@@ -49,12 +49,11 @@ def equivalent_efforts(chain, q, wrenches):
     return efforts
 
 
-def random_wrenches(chain, seed, count=3):
-    """Return a wrench on each of a few bodies, some in their own axes and some in the plane's."""
+def random_wrenches(chain, seed):
+    """Return a wrench on each body, in its own axes or in the plane's."""
     random = np.random.default_rng(seed)
-    bodies = random.permutation(len(chain.bodies))[:count]
-    return {chain.bodies[body].name: Wrench(complex(*random.normal(0.0, 3.0, 2)), float(random.normal()),
-                                            ('body', 'world')[k % 2]) for k, body in enumerate(bodies)}
+    return {body.name: Wrench(complex(*random.normal(0.0, 3.0, 2)), float(random.normal()),
+                              ('body', 'world')[random.integers(2)]) for body in chain.bodies}
 
 
 def put(simulation, wrenches):

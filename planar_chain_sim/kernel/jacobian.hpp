@@ -154,7 +154,7 @@ class Jacobian {
         if (row >= 0 && column >= 0) mass[at(column, row)] = mass[at(row, column)];
   }
 
-  // Less the derivative of a wrench's joint efforts (wrench.hpp): of the arms r - P_k, the slides' directions and, where it
+  // Less the derivative of a wrench's joint efforts (equations.md 6.5): of the arms r - P_k, the slides' directions and, where it
   // turns with its link, the force.
   void take(const Wrench& wrench) {
     const Motion& own = links_[wrench.link];

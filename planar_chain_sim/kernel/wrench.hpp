@@ -2,7 +2,7 @@
 //
 //   tau_k = sign_k ((j (r - P_k)) . F + N) of a rotation,  chi_k . F of a slide on the path from the link to the base
 //
-// (virtual work; equations.md 3, "Applied wrench"). On the way inboard everything is kept in the frame at hand.
+// (virtual work; equations.md 6.5). On the way inboard everything is kept in the frame at hand.
 #pragma once
 
 #include "chain.hpp"
