@@ -79,9 +79,10 @@ def stop_error(chain: Chain, tick: int, time: float, outcome: int, joint: int, p
                where: str = '') -> SimulationError:
     """Why the kernel stopped at this last good state, as an error to raise or to keep."""
     name = chain.joint_names[joint]
-    return SimulationError(f"{where}joint '{name}' of {chain.name} at tick {tick}, t = {time!r} s: {_WHY[outcome]}; "
-                           'the last good state is kept', joint=name, time=time, tick=tick, position=position,
-                           velocity=velocity)
+    body = chain.body_of(name)
+    return SimulationError(f"{where}joint '{name}' of body '{body}' of {chain.name} at tick {tick}, t = {time!r} s: "
+                           f'{_WHY[outcome]}; the last good state is kept', joint=name, body=body, time=time, tick=tick,
+                           position=position, velocity=velocity)
 
 
 class Simulation:
