@@ -1,11 +1,12 @@
-// Laws of joint effort, each on the relative coordinate (equations.md 4): twin of joint_forces.py. A law nobody uses
-// has an empty list and costs nothing.
+// Laws of joint effort, each on the relative coordinate (equations.md 4): twin of joint_forces.py; and wrenches from
+// outside. A law nobody uses has an empty list and costs nothing.
 #pragma once
 
 #include <vector>
 
 #include "chain.hpp"
 #include "lanes.hpp"
+#include "wrench.hpp"
 
 namespace planar_chain {
 
@@ -52,6 +53,8 @@ struct JointForcesOf {
   std::vector<FrictionOf<Real>> frictions;
   std::vector<LimitOf<Real>> limits;
   std::vector<StopOf<Real>> stops;
+  std::vector<Wrench> wrenches;             // on `chain`; a simulation has them, a batch none
+  const ChainOf<Real>* chain = nullptr;
 
   // Whether any of them depends on the state.
   bool passive() const { return !bare && !(dampers.empty() && springs.empty() && frictions.empty()); }
@@ -65,6 +68,11 @@ struct JointForcesOf {
       const Real rate = velocity[law.joint], one = 1.0, zero = 0.0;
       effort[law.joint] -= law.friction * select(rate > zero, one, select(rate < zero, -one, zero));
     }
+  }
+
+  // Whole turns may be left out of positions. `remainder`: what they are beyond double precision, or null.
+  void add_wrenches(const double* position, const double* remainder, double* effort) const {
+    for (const Wrench& wrench : wrenches) add_wrench(*chain, wrench, position, remainder, effort);
   }
 
   // The actuator gives at most its limit, to either side.
