@@ -15,6 +15,8 @@ from ..simulation import Simulation
 OURS, THEIRS, WRONG = LOOKS[OWN][0], LOOKS['MuJoCo'][0], LOOKS['heyoka'][0]   # WRONG: vermilion, no library here
 PALE = '#9aa5b1'
 DECADES = 10   # of the ratios shown; what lies beyond stands at the edge
+LEGENDS = {'energy': {'loc': 'upper center', 'ncols': 2}, 'stop': {'loc': 'upper right'}, 'bounce': {'loc': 'upper right'},
+           'slip': {'loc': 'upper right'}, 'checks': {'loc': 'upper center', 'bbox_to_anchor': (0.35, -0.07), 'ncols': 3}}
 
 
 def draw(table: list[tuple], path) -> None:
@@ -35,9 +37,10 @@ def draw(table: list[tuple], path) -> None:
         axes.title.set(fontsize=10, color=INK)
         axes.spines[['top', 'right']].set_visible(False)
         axes.grid(alpha=0.25)
-        axes.legend(fontsize=8, frameon=False, **({'loc': 'upper center', 'bbox_to_anchor': (0.35, -0.07), 'ncols': 3}
-                                                  if axes is places['checks'] else {'loc': 'best'}))
-    figure.savefig(path, dpi=100, metadata={'Date': None} if str(path).endswith('.svg') else None)
+    for name, look in LEGENDS.items():
+        places[name].legend(fontsize=8, frameon=False, **look)
+    svg = str(path).endswith('.svg')
+    figure.savefig(path, dpi=90, **({'metadata': {'Date': None}} if svg else {'pil_kwargs': {'optimize': True}}))
     pyplot.close(figure)
 
 
