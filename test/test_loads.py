@@ -219,8 +219,9 @@ def test_a_joint_that_stands_carries_wrenches_as_a_weld_does(method):
     others = [0, 2, 3, 4, 5, 6]
     welded.set_state(position[others], np.zeros(6))
     for simulation in (stuck, welded):
-        for k, axes in ((1, 'world'), (2, 'body'), (3, 'world'), (6, 'body')):
-            simulation.set_wrench(chain.bodies[k].name, (4.0, -3.0), 0.3, axes)
+        simulation.attach('link_4', 0.05, (0.05, 0.02), name='tray')
+        for body, axes in (('link_2', 'world'), ('link_3', 'body'), ('tray', 'world'), ('link_7', 'body')):
+            simulation.set_wrench(body, (4.0, -3.0), 0.3, axes)
         simulation.advance(100)
     assert stuck.position[1] == position[1]
     np.testing.assert_allclose(stuck.position[others], welded.position, rtol=0, atol=1e-10)
