@@ -306,6 +306,13 @@ class Stepper {
     integrator_->forces_changed();
   }
 
+  // Joint efforts that do the work of the wrenches in this state.
+  Array wrench_effort() const {
+    std::vector<double> effort(effort_.size());
+    forces_.add_wrenches(state_.position.data(), state_.position_remainder.data(), effort.data());
+    return make_array(effort);
+  }
+
   // Goes on from the state of `other`, whose chain has the same joints but may differ in all else.
   void take_over(const Stepper& other) {
     state_ = other.state_, effort_ = other.effort_;
@@ -463,6 +470,7 @@ PYBIND11_MODULE(_kernel, module) {
       .def("reach", &Stepper::reach)
       .def("put_state", &Stepper::put_state)
       .def("set_wrenches", &Stepper::set_wrenches)
+      .def("wrench_effort", &Stepper::wrench_effort)
       .def("take_over", &Stepper::take_over)
       .def("save", &Stepper::save)
       .def("load", &Stepper::load)

@@ -64,6 +64,7 @@ class ErrorControlledStep : public AdaptiveStep {
     actuator_ = actuator, again_ = again;
     const bool continued = !again && length > 0.0 && whole_;
     whole_ = open_ = false;
+    stages_.start(base);
     Outcome outcome = begin(base, continued, joint);
     if (outcome != Outcome::good) return outcome;
     const bool given = again || fixed_ > 0.0;

@@ -50,7 +50,7 @@ class Gauss final : public FixedStep {
  protected:
   Outcome step(const JointState& state, const double* actuator, double length, JointState& next, int& joint) override {
     if (length != tick_length_) known_ = 0;  // stages of whole steps say nothing of a part
-    length_ = length;
+    length_ = length, far_ = turns_.find(state.position.data());
     Outcome outcome = guess(state, actuator, joint);
     if (outcome != Outcome::good) return outcome;
     double before = 0.0;
@@ -155,8 +155,7 @@ class Gauss final : public FixedStep {
     for (int k = 0; k < joints_; ++k) effort_[k] = actuator[k];
     forces_.add_passive(position_.data(), velocity_.data(), effort_.data());
     ++counts.evaluations;
-    if (turns_.find(state.position.data()))
-      turns_.leave_out(state.position.data(), way_.data(), position_.data());
+    if (far_) turns_.leave_out(state.position.data(), way_.data(), position_.data());
     forces_.add_wrenches(position_.data(), nullptr, effort_.data());
     joint = form_.forward(position_.data(), velocity_.data(), effort_.data(), acceleration_.data());
     return joint < 0 ? Outcome::good : singular_or_not_finite(position_.data(), joints_);
@@ -183,6 +182,7 @@ class Gauss final : public FixedStep {
 
   Form& form_;
   WholeTurns<double> turns_;
+  bool far_ = false;  // whether any joint has many turns behind it
   double length_;
   const int joints_, stages_;
   const std::vector<double> a_, b_;

@@ -44,6 +44,9 @@ class Stages {
         rows_(static_cast<std::size_t>(rows) * stride_), sum_(stride_), position_(joints_), effort_(joints_),
         way_(joints_) {}
 
+  // Before the first evaluation of a step from `base`.
+  void start(const JointState& base) { far_ = turns_.find(base.position.data()); }
+
   double* row(int stage) { return &rows_[static_cast<std::size_t>(stage) * stride_]; }
 
   // Sum of weight_l (q', v')_l, in the order of the stages; good until the next call.
@@ -70,7 +73,7 @@ class Stages {
       effort_[i] = actuator[i];
     }
     if (forces_.passive()) forces_.add_passive(position_.data(), rate, effort_.data());
-    if (turns_.find(base.position.data())) {
+    if (far_) {
       for (int i = 0; i < joints_; ++i) way_[i] = step * sum[i] + base.position_remainder[i];
       turns_.leave_out(base.position.data(), way_.data(), position_.data());
     }
@@ -94,6 +97,7 @@ class Stages {
   Form& form_;
   const JointForces& forces_;
   WholeTurns<double> turns_;
+  bool far_ = false;  // whether any joint has many turns behind it
   const int joints_, stride_;
   AlignedVector<double> rows_, sum_, position_, effort_, way_;
 };
@@ -106,6 +110,7 @@ class ExplicitRungeKutta final : public FixedStep {
 
  protected:
   Outcome step(const JointState& state, const double* actuator, double length, JointState& next, int& joint) override {
+    stages_.start(state);
     for (int stage = 0; stage < static_cast<int>(a_.size()); ++stage) {
       ++counts.evaluations;
       const Outcome outcome = stages_.evaluate(state, length, a_[stage], actuator, stages_.row(stage), joint);

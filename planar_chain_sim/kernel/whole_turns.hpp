@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <type_traits>
 #include <vector>
 
 #include "chain.hpp"
@@ -32,17 +33,16 @@ inline double less_whole_turns(double angle, double low) {
 template <class Real>
 class WholeTurns {
  public:
-  explicit WholeTurns(const ChainOf<Real>& chain) {
+  explicit WholeTurns(const ChainOf<Real>& chain) : count_(chain.joint_count) {
     for (int i = 1; i <= chain.link_count(); ++i)
       if (chain.links[i].turns()) joints_.push_back(chain.links[i].rotation);
   }
 
   // Whether any joint at `base` is far round.
-  bool find(const Real* base) {
-    far_.clear();
-    for (int j : joints_)
-      if (any(base[j] * base[j] > Real(far_angle * far_angle))) far_.push_back(j);
-    return !far_.empty();
+  PLANAR_CHAIN_INLINE bool find(const Real* base) {
+    std::conditional_t<lanes_in<Real> == 1, int, Truth<Real>> far = 0;
+    for (int i = 0; i < count_; ++i) far |= base[i] * base[i] > Real(far_angle * far_angle);
+    return any(Truth<Real>(far)) && look(base);
   }
 
   // Those found, in `position`, which was base + way.
@@ -61,10 +61,18 @@ class WholeTurns {
   }
 
  private:
+  __attribute__((noinline)) bool look(const Real* base) {
+    far_.clear();
+    for (int j : joints_)
+      if (any(base[j] * base[j] > Real(far_angle * far_angle))) far_.push_back(j);
+    return !far_.empty();
+  }
+
   static void leave_out(double base, double way, double& position) {
     if (base * base > far_angle * far_angle && base - base == 0.0) position = less_whole_turns(base, way);
   }
 
+  const int count_;
   std::vector<int> joints_, far_;  // that turn; that are far round
 };
 
