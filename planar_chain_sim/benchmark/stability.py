@@ -30,7 +30,7 @@ def rows(peers: dict, quick: bool = False) -> Iterator[tuple]:
     """
     Yield a row of COLUMNS per number; `quick` takes a small part of the long ones.
 
-    MuJoCo has its own defaults, the ticks that ours has, and the better of two integrators where that can be said.
+    MuJoCo has its defaults, our ticks, implicitfast, or RK4 where that is better and motion is smooth.
     Mistake: no mpmath, without which there are no 50 digits.
     """
     try:

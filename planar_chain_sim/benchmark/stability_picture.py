@@ -15,8 +15,9 @@ from ..simulation import Simulation
 OURS, THEIRS, WRONG = LOOKS[OWN][0], LOOKS['MuJoCo'][0], LOOKS['heyoka'][0]   # WRONG: vermilion, no library here
 PALE = '#9aa5b1'
 DECADES = 10   # of the ratios shown; what lies beyond stands at the edge
-LEGENDS = {'energy': {'loc': 'upper center', 'ncols': 2}, 'stop': {'loc': 'upper right'}, 'bounce': {'loc': 'upper right'},
-           'slip': {'loc': 'upper right'}, 'checks': {'loc': 'upper center', 'bbox_to_anchor': (0.35, -0.07), 'ncols': 3}}
+LEGENDS = {'energy': {'loc': 'upper center', 'ncols': 2}, 'stop': {'loc': 'upper right'},
+           'bounce': {'loc': 'upper right'}, 'slip': {'loc': 'upper right'},
+           'checks': {'loc': 'upper center', 'bbox_to_anchor': (0.35, -0.07), 'ncols': 3}}
 
 
 def draw(table: list[tuple], path) -> None:
