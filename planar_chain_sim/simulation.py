@@ -17,7 +17,8 @@ from .plan import damping_rate, plan_of, step_limit
 # Outcomes of the kernel's step, in the order of `enum class Outcome` (kernel/integrators.hpp).
 _WHY = (None, 'the configuration is singular', 'the state ran away and would not be finite',
         'the steps that the tolerance asks for have become too short to be taken',
-        'the step is too long for the iteration that solves it')
+        'the step is too long for the iteration that solves it',
+        'the step is too long, two half steps lead somewhere else')
 
 
 # In the order of `enum class EventKind` (kernel/events.hpp).
@@ -89,7 +90,8 @@ class Simulation:
     """
     A chain that moves tick by tick: tick k is at k * step, the effort is constant within a tick.
 
-    A fixed step that is too long for the stiffest joint gets a RuntimeWarning with the estimated limit.
+    A fixed step that is too long gets a RuntimeWarning: at once with the estimated limit where a joint is stiff, else
+    once a step is far from what two half steps give.
 
     `step` s; `tolerance` belongs to adaptive methods; `form` as in forward_dynamics, one of the compiled.
     ValueError: bad method, step, tolerance or form.
@@ -292,8 +294,19 @@ class Simulation:
         self._tick += done
         if done:
             self._between = None
-        if why:
-            raise self._error(*why)
+        if stopped:
+            self._warn_of_coarse_step()
+            if why[0]:
+                raise self._error(*why)
+
+    def _warn_of_coarse_step(self) -> None:
+        """Warn once of a fixed step that is far from what two half steps give."""
+        coarse = self._stepper.take_coarse_step()
+        if coarse:
+            tick, rate, joint = coarse
+            warn(f"step is {self.step!r} s, too long for method '{self.method}': at tick {tick} it is off by about "
+                 f"{rate * self.step:.2g} rad or m at joint '{self.chain.joint_names[joint]}' of {self.chain.name}",
+                 RuntimeWarning, stacklevel=3)
 
     def _error(self, outcome: int, joint: int) -> SimulationError:
         return stop_error(self.chain, self.tick, self.time, outcome, joint, self.position, self.velocity)

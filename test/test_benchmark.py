@@ -202,12 +202,6 @@ def test_text_of_a_long_chain_loads_as_the_same_chain():
     assert [joint.position for joint in loaded.joints] == [joint.position for joint in chain.joints]
 
 
-# Where the simulator falls short as yet: what the table must say NO to, by scene and the beginning of the check.
-SHORT = {
-    ('massless', 'the same, explicit fixed steps'),
-    ('ticks', 'fixed steps of 0.01 to 1 s on the double pendulum')}
-
-
 @pytest.fixture(scope='module')
 def stability_table():
     """Return the rows of the scenes at a small part of their length, with MuJoCo; at full length: `make soak`."""
@@ -215,13 +209,9 @@ def stability_table():
     return list(stability.rows(found, quick=True))
 
 
-def test_every_number_of_the_stability_suite_holds_or_is_a_known_shortfall(stability_table):
+def test_every_number_of_the_stability_suite_holds(stability_table):
     assert {row[0] for row in stability_table} == set(stability.SCENES) and len(stability_table) > 80
-    failed = [row for row in stability_table if row[4] != 'yes' and not row[4].startswith('not run: ROS 2')]
-    short = {(scene, what) for scene, what in SHORT for row in failed if row[0] == scene and row[1].startswith(what)}
-    assert [row for row in failed
-            if not any(row[0] == scene and row[1].startswith(what) for scene, what in SHORT)] == []
-    assert short == SHORT   # what holds by now is no shortfall any more
+    assert [row for row in stability_table if row[4] != 'yes' and not row[4].startswith('not run: ROS 2')] == []
 
 
 def test_mujoco_runs_what_it_can(stability_table):

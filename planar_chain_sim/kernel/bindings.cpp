@@ -198,7 +198,7 @@ class Stepper {
 
   // Goes on from `now` s, at tick `tick` or behind it, where the arguments are whole: an int >= 0; None or a finite array
   // of (joints,) or (ticks, joints); None or a tuple of arrays (ticks, joints) that take position, velocity and effort.
-  // Returns None when done, (ticks done, outcome, joint) where it stopped before, and False, with nothing moved, where
+  // Returns None when done, (ticks done, outcome, joint) where it stopped before or a coarse step is to be told, and False, with nothing moved, where
   // Python is to check or convert an argument first: a controlled run comes here at every tick.
   py::object advance(double now, std::int64_t tick, const py::handle& ticks_given, const py::handle& effort_given,
                      const py::handle& record_given) {
@@ -240,8 +240,16 @@ class Stepper {
       py::gil_scoped_release release;
       progress = pc::roll(*integrator_, forces_, state_, step_, now, tick, ticks, efforts, record, effort_, latched_);
     }
-    if (progress.outcome == pc::Outcome::good) return py::none();
+    if (progress.outcome == pc::Outcome::good && (told_ || integrator_->coarse.joint < 0)) return py::none();
     return py::make_tuple(progress.ticks, static_cast<int>(progress.outcome), progress.joint);
+  }
+
+  // Once, the first step that was seen to be far from right: (tick, error, rad or m a second, joint); else None.
+  py::object take_coarse_step() {
+    const pc::CoarseStep& coarse = integrator_->coarse;
+    if (told_ || coarse.joint < 0) return py::none();
+    told_ = true;
+    return py::make_tuple(coarse.tick, coarse.error_rate, coarse.joint);
   }
 
   // Goes on from `now`, at `tick` or behind it, to `time`, s, under the effort held; None when done, (outcome, joint) where it stopped before.
@@ -315,7 +323,7 @@ class Stepper {
 
   // Goes on from the state of `other`, whose chain has the same joints but may differ in all else.
   void take_over(const Stepper& other) {
-    state_ = other.state_, effort_ = other.effort_;
+    state_ = other.state_, effort_ = other.effort_, told_ = other.told_;
     const auto* before = dynamic_cast<const pc::EventDriven*>(other.integrator_.get());
     if (auto* driven = dynamic_cast<pc::EventDriven*>(integrator_.get()); driven && before) driven->adopt(*before);
   }
@@ -365,6 +373,7 @@ class Stepper {
   pc::JointState state_;
   std::vector<double> effort_, latched_, zero_;
   const double step_;
+  bool told_ = false;  // of a coarse step
   pc::WholeTurns<double> turns_;
   std::unique_ptr<pc::Form> form_;
   std::unique_ptr<pc::Integrator> integrator_;
@@ -472,6 +481,7 @@ PYBIND11_MODULE(_kernel, module) {
       .def("set_wrenches", &Stepper::set_wrenches)
       .def("wrench_effort", &Stepper::wrench_effort)
       .def("take_over", &Stepper::take_over)
+      .def("take_coarse_step", &Stepper::take_coarse_step)
       .def("save", &Stepper::save)
       .def("load", &Stepper::load)
       .def_property_readonly("position", &Stepper::position)

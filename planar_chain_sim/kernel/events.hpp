@@ -154,6 +154,8 @@ class EventDriven final : public Integrator {
       if (!watch(at, end, happened, progress)) return failed(progress);
       counts = before_;
       counts.add(motion_->counts);
+      if (coarse.joint < 0 && motion_->coarse.joint >= 0)
+        coarse = motion_->coarse, coarse.joint = part_.joints[coarse.joint];
       scatter(moved_, state);
       at = happened;
       if (violated_.empty()) continue;

@@ -27,13 +27,23 @@ inline void add_compensated(const Real& value, const Real& remainder, const Real
   sum = whole;
 }
 
-enum class Outcome { good, singular, not_finite, stalled, too_long };
+enum class Outcome { good, singular, not_finite, stalled, too_long, coarse };
 
 struct Progress {
   std::int64_t ticks = 0;
   Outcome outcome = Outcome::good;
   int joint = -1;
 };
+
+// A step of fixed size that is far from right: at which tick, how far, rad or m a second, at which joint; -1: none was seen.
+struct CoarseStep {
+  std::int64_t tick = 0;
+  double error_rate = 0.0;
+  int joint = -1;
+};
+
+// A step that moves a velocity by more than this part of a rad or m per step is looked at; by more than that, any step.
+constexpr double suspect_jump = 0.03, violent_jump = 0.5;
 
 struct Counts {
   std::int64_t evaluations = 0, steps = 0, rejected_steps = 0, events = 0;
@@ -60,6 +70,7 @@ inline int first_not_finite(const JointState& state) {
 class Integrator {
  public:
   Counts counts;
+  CoarseStep coarse;  // the first one
 
   virtual ~Integrator() = default;
 
@@ -99,17 +110,24 @@ class Motion : public Integrator {
 };
 
 // One step a tick. step() changes the state only if the outcome is good; else `joint` is why.
+//
+// Nothing controls the error of such steps, so now and then, and where velocities jump, one is compared with two half
+// ones: one that is off by a whole rad or m ends the run, the first that is less far off is kept to be warned of.
 class FixedStep : public Motion {
  public:
-  FixedStep(const JointForces& forces, int joints, double tick_length)
-      : forces_(forces), tick_length_(tick_length), next_(joints), from_(joints), actuator_(joints) {}
+  // `most_error_rate`: rad or m a second by which two half steps may differ; 0: the method finds by itself what is too long.
+  FixedStep(const JointForces& forces, int joints, double tick_length, double most_error_rate)
+      : forces_(forces), tick_length_(tick_length), most_error_rate_(most_error_rate), next_(joints), half_(joints), halves_(joints), from_(joints),
+        actuator_(joints) {}
 
-  Progress advance(double, std::int64_t, std::int64_t ticks, JointState& state, const double* actuator) override {
+  Progress advance(double, std::int64_t tick, std::int64_t ticks, JointState& state, const double* actuator) override {
     Progress progress;
     for (; progress.ticks < ticks; ++progress.ticks) {
       progress.outcome = step(state, actuator, tick_length_, next_, progress.joint);
       if (progress.outcome == Outcome::good && (progress.joint = first_not_finite(next_)) >= 0)
         progress.outcome = Outcome::not_finite;
+      if (progress.outcome == Outcome::good)
+        progress.outcome = judge(tick + progress.ticks, tick_length_, state, actuator, progress.joint);
       if (progress.outcome != Outcome::good) break;
       std::swap(state, next_);
       ++counts.steps;
@@ -117,14 +135,19 @@ class FixedStep : public Motion {
     return progress;
   }
 
-  double look(std::int64_t /*tick*/, double offset, double limit, const JointState& state, const double* actuator,
-              Progress&) override {
-    from_ = state, offset_ = offset;
+  double look(std::int64_t tick, double offset, double limit, const JointState& state, const double* actuator,
+              Progress& progress) override {
+    from_ = state, offset_ = offset, ahead_ = limit;
     actuator_.assign(actuator, actuator + actuator_.size());
+    ++counts.steps;
+    outcome_ahead_ = step(from_, actuator, limit - offset, next_, joint_ahead_);
+    if (outcome_ahead_ == Outcome::good && first_not_finite(next_) < 0)
+      progress.outcome = judge(offset == 0.0 ? tick : 3, limit - offset, from_, actuator, progress.joint);
     return limit;
   }
 
   Outcome show(double offset, JointState& out, int& joint) override {
+    if (offset == ahead_) return out = next_, joint = joint_ahead_, outcome_ahead_;
     ++counts.steps;
     return step(from_, actuator_.data(), offset - offset_, out, joint);
   }
@@ -139,9 +162,41 @@ class FixedStep : public Motion {
   const double tick_length_;
 
  private:
-  JointState next_, from_;
+  // Of the step from `state` to next_ that tick `tick` begins with.
+  Outcome judge(std::int64_t tick, double length, const JointState& state, const double* actuator, int& joint) {
+    if (most_error_rate_ == 0.0) return Outcome::good;
+    int suspect = 0, violent = 0;   // of either sign, counted without branches
+    for (std::size_t i = 0; i < state.velocity.size(); ++i) {
+      const double jump = (next_.velocity[i] - state.velocity[i]) * length;
+      suspect |= jump * jump > suspect_jump * suspect_jump;
+      violent |= jump * jump > violent_jump * violent_jump;
+    }
+    const bool due = coarse.joint < 0 && (suspect != 0 || (tick & (tick - 1)) == 0 || tick % 256 == 0);
+    return due || violent != 0 ? compare(tick, length, state, actuator, joint) : Outcome::good;
+  }
+
+  Outcome compare(std::int64_t tick, double length, const JointState& state, const double* actuator, int& joint) {
+    const Counts kept = counts;
+    Outcome outcome = step(state, actuator, 0.5 * length, half_, joint);
+    if (outcome == Outcome::good) outcome = step(half_, actuator, 0.5 * length, halves_, joint);
+    counts = kept;
+    if (outcome != Outcome::good) return outcome;
+    for (std::size_t i = 0; i < state.position.size(); ++i) {
+      const double error = std::fmax(std::fabs(next_.position[i] - halves_.position[i]),
+                                     length * std::fabs(next_.velocity[i] - halves_.velocity[i]));
+      const double way = std::fabs(next_.position[i] - state.position[i]);
+      if (!(error <= 1.0 + 0.1 * way)) return joint = static_cast<int>(i), Outcome::coarse;
+      if (coarse.joint < 0 && error > most_error_rate_ * length) coarse = {tick, error / length, static_cast<int>(i)};
+    }
+    return Outcome::good;
+  }
+
+  const double most_error_rate_;
+  JointState next_, half_, halves_, from_;
   std::vector<double> actuator_;
-  double offset_ = 0.0;
+  double offset_ = 0.0, ahead_ = 0.0;
+  Outcome outcome_ahead_ = Outcome::good;
+  int joint_ahead_ = -1;
 };
 
 }  // namespace planar_chain

@@ -105,7 +105,7 @@ class Stages {
 class ExplicitRungeKutta final : public FixedStep {
  public:
   ExplicitRungeKutta(const Chain& chain, Form& form, const JointForces& forces, const Tableau& tableau, double step)
-      : FixedStep(forces, chain.joint_count, step), a_(rows_of(tableau.a, tableau.stages)),
+      : FixedStep(forces, chain.joint_count, step, 0.03), a_(rows_of(tableau.a, tableau.stages)),
         b_(tableau.b, tableau.stages, 0), stages_(chain, form, forces, tableau.stages) {}
 
  protected:

@@ -114,10 +114,14 @@ class ScenesInLanes {
   Truth<Real> step() {
     const Truth<Real> singular =
         batch_.method == LaneMethod::semi_implicit_euler ? semi_implicit_euler() : runge_kutta();
-    Real nothing = 0.0;  // or no number, where one that is not finite meets itself
-    for (std::size_t j = 0; j < joints_; ++j)
+    Real nothing = 0.0;         // or no number, where one that is not finite meets itself
+    Truth<Real> violent = 0;    // is judged alone
+    for (std::size_t j = 0; j < joints_; ++j) {
       nothing += (next_.position[j] - next_.position[j]) + (next_.velocity[j] - next_.velocity[j]);
-    return singular | (nothing != 0.0);
+      const Real jump = (next_.velocity[j] - state_.velocity[j]) * step_;
+      violent |= jump * jump > Real(violent_jump * violent_jump);
+    }
+    return singular | (nothing != 0.0) | violent;
   }
 
   // Accelerations under the actuators at stage_, `way_` from the state; tells which scenes have none.
