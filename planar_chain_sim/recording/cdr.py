@@ -10,7 +10,7 @@ rmw_fastrtps sizes its buffers generously and sends what happens to lie there.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from struct import Struct
+from struct import Struct, unpack_from
 from typing import Sequence
 
 import numpy as np
@@ -111,19 +111,19 @@ def decode_joint_state(data) -> JointStateMessage:
         effort=cursor.float64_array())
 
 
-def decode_float64_multi_array(data) -> np.ndarray:
-    """Decode a std_msgs/msg/Float64MultiArray to its float64 data (n,), the layout unread; CdrError if it is none."""
+def decode_float64_multi_array(data) -> Sequence[float]:
+    """Decode a std_msgs/msg/Float64MultiArray to its data, the layout unread; CdrError if it is none."""
     if data[:12] == _PLAIN_ARRAY and len(data) >= 16:        # as nearly all are, and one may come at every tick
         count, = _COUNT.unpack_from(data, 12)
         if count and len(data) >= 20 + 8 * count:            # a gap of four lies before the first value
-            return np.frombuffer(data, '<f8', count, 20).astype(np.float64)
+            return unpack_from(f'<{count}d', data, 20)
     cursor = _Cursor(data, 'std_msgs/msg/Float64MultiArray')
     for _ in range(cursor.count(12)):
         cursor.string()                                      # label
         cursor.count(0)                                      # size
         cursor.count(0)                                      # stride
     cursor.count(0)                                          # data_offset
-    return cursor.float64_array()
+    return cursor.float64_array().tolist()
 
 
 def encode_float64_multi_array(values) -> bytes:
@@ -151,9 +151,8 @@ def decode_string(data) -> str:
 
 def encode_string(text: str) -> bytes:
     """Encode a std_msgs/msg/String; CdrError on a text that holds a NUL or is no Unicode text."""
-    body = bytearray()
-    _append_string(body, text)
-    return _ENCAPSULATION + body
+    encoded = _encoded_text(text)
+    return _ENCAPSULATION + _COUNT.pack(len(encoded)) + encoded
 
 
 def _align(body: bytearray, size: int) -> None:
@@ -165,15 +164,21 @@ def _append_count(body: bytearray, count: int) -> None:
     body.extend(_COUNT.pack(count))
 
 
-def _append_string(body: bytearray, text: str) -> None:
+def _encoded_text(text: str) -> bytes:
+    """Return the bytes of a string with the NUL that ends it; CdrError."""
     try:
         encoded = text.encode()
     except UnicodeEncodeError:
         raise CdrError(f'text {text!r}: it is no Unicode text, so a ROS string cannot carry it') from None
     if b'\0' in encoded:
         raise CdrError(f'text {text!r}: it holds a NUL, which ends a ROS string')
-    _append_count(body, len(encoded) + 1)
-    body.extend(encoded + b'\0')
+    return encoded + b'\0'
+
+
+def _append_string(body: bytearray, text: str) -> None:
+    encoded = _encoded_text(text)
+    _append_count(body, len(encoded))
+    body.extend(encoded)
 
 
 def _append_float64_array(body: bytearray, values: np.ndarray) -> int:

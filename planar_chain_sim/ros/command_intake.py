@@ -24,6 +24,9 @@ class CommandIntake:
     def __init__(self, joint_names, inputs, context, publication, warn):
         self._names, self._inputs, self._publication, self._warn = joint_names, inputs, publication, warn
         self._topics = {key: subscription.topic_name for key, subscription in inputs.items()}
+        # Bound once: subscriptions outlive the thread that takes from them, and it does so at every tick.
+        self._takes = {key: (subscription.handle.take_message, subscription.msg_type)
+                       for key, subscription in inputs.items()}
         self._reader = CommandReader(joint_names)
         self.held, self.rejected = HeldEffort(len(joint_names)), Counter()
         self.heard = self._next = ()  # the second: keys of those to be polled next time
@@ -62,7 +65,7 @@ class CommandIntake:
         arrived = self._take() if self._next else ()
         if not arrived:
             return None
-        acting, rejected, unsettled = [], {}, set(range(len(self._names)))
+        acting, rejected, settled = [], {}, set()
         for received, key, data in arrived if answers else reversed(arrived):
             try:
                 command = self._reader.read(INPUTS[key].type_name, data)
@@ -80,10 +83,11 @@ class CommandIntake:
                 command = answers.admit(command, received)
             if command and command.joints:
                 acting.append((self._topics[key], command))
-                unsettled.difference_update(command.joints)
-                if not answers and not unsettled:
+                settled.update(command.joints)
+                if not answers and len(settled) == len(self._names):
                     break  # what is older is overtaken, a flood is not worth reading
-        self._reject(rejected)
+        if rejected:
+            self._reject(rejected)
         if not acting:
             return None
         for _, command in acting if answers else reversed(acting):
@@ -95,16 +99,15 @@ class CommandIntake:
         keys, self._next = self._next, self.heard
         arrived = []
         for key in keys:
-            subscription = self._inputs[key]
-            with (handle := subscription.handle):
-                for _ in range(INPUTS[key].depth):  # not until it is empty: a flood could keep us here
-                    taken = handle.take_message(subscription.msg_type, True)
-                    if taken is None:
-                        break
-                    data, about = taken
-                    arrived.append((about['received_timestamp'], key, data))
-                    if len(data) <= LONGEST_MESSAGE:
-                        self._publication.record_command(self._topics[key], data, about['source_timestamp'])
+            take, message_type = self._takes[key]
+            for _ in range(INPUTS[key].depth):  # not until it is empty: a flood could keep us here
+                taken = take(message_type, True)
+                if taken is None:
+                    break
+                data, about = taken
+                arrived.append((about['received_timestamp'], key, data))
+                if len(data) <= LONGEST_MESSAGE:
+                    self._publication.record_command(self._topics[key], data, about['source_timestamp'])
         # Each topic keeps its own order; between the two, the time at which the middleware received a message decides.
         if len(keys) > 1:
             arrived.sort(key=itemgetter(0))

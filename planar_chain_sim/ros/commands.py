@@ -1,7 +1,9 @@
 """Effort commands: what a message asks of which joint, what is refused, and the efforts held until the next one."""
 from __future__ import annotations
 
+from functools import partial
 from math import isfinite
+from struct import Struct
 from typing import NamedTuple, Optional, Sequence
 
 import numpy as np
@@ -68,7 +70,7 @@ class CommandReader:
         if len(values) != len(names):
             raise CommandError('wrong length',
                                f'it has {len(values)} efforts for {len(names)} names, must have as many')
-        values, index = _finite(values), self._index
+        values, index = _finite(values.tolist()), self._index
         joints = [index[name] for name in names if name in index]
         if len(joints) == len(names):
             return Command(joints, values, message.stamp)
@@ -76,12 +78,12 @@ class CommandReader:
                        tuple(name for name in names if name not in index))
 
 
-def _finite(values: np.ndarray) -> list[float]:
-    """Return the values as a list; CommandError where one is not finite. For a few values NumPy takes longer."""
-    values = values.tolist()
-    for place, value in enumerate(values):
-        if not isfinite(value):
-            raise CommandError('not finite', f'its effort {place} is {value}, must be finite')
+def _finite(values: Sequence[float]) -> Sequence[float]:
+    """Return the values; CommandError where one is not finite. For a few values NumPy takes longer."""
+    if not isfinite(sum(values)):  # finite values may also have a sum that is not
+        for place, value in enumerate(values):
+            if not isfinite(value):
+                raise CommandError('not finite', f'its effort {place} is {value}, must be finite')
     return values
 
 
@@ -93,15 +95,20 @@ class HeldEffort:
     """
 
     def __init__(self, joints: int):
-        self.effort = np.zeros(joints)
+        self.effort, self._all = np.zeros(joints), range(joints)
+        self._put = partial(Struct(f'={joints}d').pack_into, self.effort.data, 0)  # NumPy takes longer over a tuple
         self._since = [None] * joints  # tick of the joint's last command
         self.commanded = False
 
     def hold(self, command: Command, tick: int) -> None:
         """Hold a command from `tick` on; a joint it does not name keeps its effort."""
-        for joint, value in zip(command.joints, command.efforts):
-            self.effort[joint] = value
-            self._since[joint] = tick
+        if command.joints == self._all:
+            self._put(*command.efforts)
+            self._since = [tick] * len(self._all)
+        else:
+            for joint, value in zip(command.joints, command.efforts):
+                self.effort[joint] = value
+                self._since[joint] = tick
         self.commanded = True
 
     def clear(self) -> None:

@@ -206,7 +206,7 @@ class Simulator:
         """Tell the efforts that act from now on, where a command on `topic` has changed them."""
         if topic:
             # Up to once a tick, so written by hand: json.dumps takes as long as the whole motion. Floats are the same.
-            self._publication.tell('command', f'{{"topic": "{topic}", "effort": {self._held.effort.tolist()}}}')
+            self._publication.tell('command', '{"topic": "%s", "effort": %s}' % (topic, self._held.effort.tolist()))
 
     def _look(self) -> None:
         """Look at what needs no look at every tick: is there still a controller, is there still a log."""
