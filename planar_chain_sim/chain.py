@@ -78,6 +78,11 @@ class Chain:
         """Joint names in file order, the order of every array and message."""
         return tuple(joint.name for joint in self.joints)
 
+    def body_of(self, joint: str) -> str:
+        """Name of the body that the joint of this name moves."""
+        return next(body.name for body in self.bodies for each in (body.slide, body.rotation)
+                    if each is not None and each.name == joint)
+
     @property
     def joint_count(self) -> int:
         """Number of joints, the length of every joint array."""

@@ -68,6 +68,7 @@ def to_json(values) -> list:
 
 def _reset(simulation: Simulation, data: dict) -> None:
     simulation.set_state(*initial_state(simulation.chain))
+    simulation.clear_wrenches()
 
 
 def _set_parameter(simulation: Simulation, data: dict) -> None:
@@ -77,9 +78,24 @@ def _set_parameter(simulation: Simulation, data: dict) -> None:
         simulation.replace_chain(changed_chain(simulation.chain, data['name'], values))
 
 
+def _put_payload(simulation: Simulation, data: dict) -> None:
+    """Attach a payload in place of the one of that name; with a mass of 0 there is none from then on."""
+    before, name = simulation.checkpoint(), data['name']
+    if name in simulation.payloads:
+        simulation.drop(name)
+    try:
+        if data['mass']:
+            simulation.attach(data['body'], data['mass'], data['position'], data['inertia_com'], name)
+    except ValueError:
+        simulation.restore(before)
+        raise
+
+
 CHANGES = {
-    'reset': _reset,             # initial state of the chain file, zero efforts; tick and parameters stay
+    'reset': _reset,              # initial state of the chain file, zero efforts and wrenches; the rest stays
     'parameter': _set_parameter,  # {"name", "value"}
+    'wrench': lambda simulation, data: simulation.set_wrench(**data),  # {"body", "force": [x, y], "moment", "axes"}
+    'payload': _put_payload,      # {"name", "body", "mass", "position": [x, y], "inertia_com"}
 }
 
 

@@ -14,13 +14,14 @@ class SimulationError(RuntimeError):
     """
     A state that ran away or met a singular configuration: one sentence, and where it stopped.
 
-    `time` s, `tick`, `joint` (name), `position` and `velocity` (joints,): the last good state.
+    `time` s, `tick`, `joint` and `body` (names), `position` and `velocity` (joints,): the last good state.
     `time` and `tick` are None where there is no simulation.
     """
 
-    def __init__(self, message, *, joint=None, time=None, tick=None, position=None, velocity=None):
+    def __init__(self, message, *, joint=None, body=None, time=None, tick=None, position=None, velocity=None):
         super().__init__(message)
-        self.joint, self.time, self.tick, self.position, self.velocity = joint, time, tick, position, velocity
+        self.joint, self.body, self.time, self.tick = joint, body, time, tick
+        self.position, self.velocity = position, velocity
 
 
 def joint_array(name: str, values, shape: tuple) -> np.ndarray:
@@ -65,8 +66,9 @@ def forward_dynamics(chain: Chain, position, velocity, effort, form: str = 'auto
     if joint >= 0 or not np.isfinite(acceleration).all():
         name = chain.joint_names[joint if joint >= 0 else int(np.argmin(np.isfinite(acceleration)))]
         why = 'the configuration is singular' if joint >= 0 else 'the acceleration is not finite'
-        raise SimulationError(f"joint '{name}' of {chain.name}: {why}",
-                              joint=name, position=position, velocity=velocity)
+        body = chain.body_of(name)
+        raise SimulationError(f"joint '{name}' of body '{body}' of {chain.name}: {why}",
+                              joint=name, body=body, position=position, velocity=velocity)
     return acceleration
 
 

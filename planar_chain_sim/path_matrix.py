@@ -6,7 +6,7 @@ Rows and columns are bodies in file order, welded ones included; the base has no
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Optional
+from typing import NamedTuple, Optional
 
 import numpy as np
 
@@ -81,19 +81,24 @@ class Link:
     inertia: float           # J_i about the joint point, kg m^2
 
 
-def merge_welded(chain: Chain) -> tuple[list[Link], complex]:
+class Place(NamedTuple):
+    """Where a body's frame lies in its link's: slot of the link (0: base), joint point, m, and angle, rad."""
+
+    slot: int
+    position: complex
+    angle: float
+
+
+def merge_welded(chain: Chain) -> tuple[list[Link], complex, list[Place]]:
     """
     Return the chain's links in regular labelling: welded bodies merged into their carriers (equations.md 5).
 
     Bodies welded to the base never move and are dropped; their first moment sum m r_C, kg m, is returned for the
-    potential energy.
-
-    Every fixed angle is absorbed into the constants: for each body the triple (link, position, angle) places its frame
-    in its link's.
+    potential energy. Every fixed angle is absorbed into the constants; the place of each body comes last.
     """
     links: list[Link] = []
     grounded = 0j
-    placed: list[tuple[int, complex, float]] = []    # per body: slot of its link (0 base), m, rad
+    placed: list[Place] = []
     for body in chain.bodies:
         slot, position, angle = placed[body.carrier] if body.carrier != BASE else (0, 0j, 0.0)
         origin = position + unit_vector(angle) * body.origin
@@ -101,7 +106,7 @@ def merge_welded(chain: Chain) -> tuple[list[Link], complex]:
         turn = unit_vector(own_angle)
         moment = body.mass * turn * body.center_of_mass
         if body.slide is None and body.rotation is None:
-            placed.append((slot, origin, own_angle))
+            placed.append(Place(slot, origin, own_angle))
             if slot == 0:
                 grounded += body.mass * origin + moment
                 continue
@@ -112,5 +117,5 @@ def merge_welded(chain: Chain) -> tuple[list[Link], complex]:
             continue
         axis = unit_vector(angle + body.slide.axis) if body.slide is not None else 0j
         links.append(Link(slot, origin, axis, body.slide, body.rotation, body.mass, moment, body.inertia))
-        placed.append((len(links), 0j, own_angle))
-    return links, grounded
+        placed.append(Place(len(links), 0j, own_angle))
+    return links, grounded, placed

@@ -10,7 +10,7 @@ from . import _kernel
 from .chain import Chain
 from .integrators import Method, stability_limits
 from .joint_forces import has_stop, JOINT_FORCES, teach_kernel
-from .path_matrix import merge_welded
+from .path_matrix import merge_welded, Place
 
 # Links up to which the dense form is worth it for a serial chain that only turns. Measured once: uniform rods, gcc 12,
 # a 3 GHz x86-64 core with AVX2, dense and recursion in ns: 170, 194 at 6 links, 205, 215 at 7, 243, 241 at 8. The
@@ -30,6 +30,7 @@ class Plan:
     form: str                 # of the equations, what 'auto' stands for
     why_form: str
     grounded_energy: float    # J, potential energy of bodies welded to the base, which the kernel never sees
+    places: tuple[Place, ...]  # of the bodies, in file order
 
     def __str__(self):
         return (f'{self.links} links, {self.joints} joints; '
@@ -72,7 +73,7 @@ def plan_of(chain: Chain) -> Plan:
 
 def _make_plan(chain: Chain) -> Plan:
     """Merge welded bodies, list features, build the kernel's model."""
-    links, grounded = merge_welded(chain)
+    links, grounded, places = merge_welded(chain)
     features = {
         'slides': any(link.slide for link in links),
         'branches': len({link.carrier for link in links}) < len(links),
@@ -92,7 +93,7 @@ def _make_plan(chain: Chain) -> Plan:
     if model.refined:
         used += ('iterative refinement',)
     return Plan(model, len(links), chain.joint_count, used, skipped, *_choose_form(links, model.refined),
-                -(grounded * chain.gravity.conjugate()).real)
+                -(grounded * chain.gravity.conjugate()).real, tuple(places))
 
 
 def _choose_form(links, refined: bool) -> tuple[str, str]:

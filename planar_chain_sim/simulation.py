@@ -1,8 +1,8 @@
 """A chain in time: state, ticks, efforts; no clock, no ROS. Same chain, method, step and efforts: same bits."""
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import NamedTuple, Optional
+from dataclasses import dataclass, field
+from typing import Mapping, NamedTuple, Optional
 from warnings import warn
 
 import numpy as np
@@ -11,6 +11,7 @@ from . import _kernel
 from .chain import Chain
 from .dynamics import joint_array, resolve_form, SimulationError
 from .integrators import choose_method, DEFAULT_TOLERANCE, method_data, METHODS, STIFF, taylor_order, UNROLLED_SERIES
+from .loads import checked_wrench, index_of, on_links, with_payload, without_payload, Wrench
 from .plan import damping_rate, plan_of, step_limit
 
 # Outcomes of the kernel's step, in the order of `enum class Outcome` (kernel/integrators.hpp).
@@ -40,6 +41,8 @@ class Checkpoint:
     tick: int
     state: tuple
     between: Optional[float] = None  # s, time between two ticks
+    chain: Optional[Chain] = None    # as it was then, None: the one that there is
+    wrenches: Mapping[str, Wrench] = field(default_factory=dict)
 
 
 def initial_state(chain: Chain) -> tuple[np.ndarray, np.ndarray]:
@@ -76,9 +79,10 @@ def stop_error(chain: Chain, tick: int, time: float, outcome: int, joint: int, p
                where: str = '') -> SimulationError:
     """Why the kernel stopped at this last good state, as an error to raise or to keep."""
     name = chain.joint_names[joint]
-    return SimulationError(f"{where}joint '{name}' of {chain.name} at tick {tick}, t = {time!r} s: {_WHY[outcome]}; "
-                           'the last good state is kept', joint=name, time=time, tick=tick, position=position,
-                           velocity=velocity)
+    body = chain.body_of(name)
+    return SimulationError(f"{where}joint '{name}' of body '{body}' of {chain.name} at tick {tick}, t = {time!r} s: "
+                           f'{_WHY[outcome]}; the last good state is kept', joint=name, body=body, time=time, tick=tick,
+                           position=position, velocity=velocity)
 
 
 class Simulation:
@@ -105,11 +109,13 @@ class Simulation:
         if limit and self.step > limit[0]:
             warn(f'step is {self.step!r} s, should be below about {limit[0]:.2g} s: method {self.method!r} is unstable '
                  f"beyond, for joint '{limit[1]}' of {chain.name} is stiff", RuntimeWarning, stacklevel=2)
+        self.form_asked = form
         self.form, self._why_form = self._resolve_form(form)
         self._stepper = _kernel.Stepper(plan_of(chain).model, method_data(self._row, self.tolerance), self.step,
                                         self.form == 'dense')
         self._tick, self._between = 0, None
         self._counted, self._untaken = (0, 0, 0, 0), []   # of steppers that a changed chain has replaced
+        self._own_bodies, self._wrenches = len(chain.bodies), {}   # bodies beyond are payloads
         self.set_state(*initial_state(chain))
 
     def _resolve_form(self, form: str) -> tuple[str, str]:
@@ -200,18 +206,70 @@ class Simulation:
 
     def replace_chain(self, chain: Chain) -> None:
         """
-        Go on from here with a chain that differs in gravity or in the numbers of its joints' laws alone.
+        Go on from here with a chain that has the same joints, by a plan made anew.
 
-        Time, state and hidden round-off terms stay, as do method and form; an adaptive method starts its steps anew.
-        ValueError, and nothing is changed: other joints.
+        Time, state and hidden round-off terms stay, as do the method and what stands still; an adaptive method starts
+        its steps anew. ValueError, and nothing is changed: other joints.
         """
         if chain.joint_names != self.chain.joint_names:
             raise ValueError(f'chain {chain.name!r} has other joints than {self.chain.name!r}, must have the same')
-        fresh = Simulation(chain, self.method, self.step, self.tolerance, self.form)
-        *state, _ = self._stepper.save()   # without the step that looked ahead
-        fresh._stepper.load(*state, fresh._stepper.save()[-1])
+        fresh = Simulation(chain, self.method, self.step, self.tolerance, self.form_asked)
         self._counted, self._untaken = self._counts(), self.take_events()
-        self.chain, self._stepper = chain, fresh._stepper
+        before, self._stepper = self._stepper, fresh._stepper
+        self.chain, self.form, self._why_form = chain, fresh.form, fresh._why_form
+        bodies, wrenches = {body.name for body in chain.bodies}, self._wrenches
+        self._wrenches = {}
+        self._put_wrenches({body: wrench for body, wrench in wrenches.items() if body in bodies})
+        self._stepper.take_over(before)
+
+    @property
+    def wrenches(self) -> dict[str, Wrench]:
+        """The wrenches that act, by body."""
+        return dict(self._wrenches)
+
+    def set_wrench(self, body: str, force=(0.0, 0.0), moment: float = 0.0, axes: str = 'body') -> None:
+        """
+        Let a force and a moment act on a body from now on, in place of the last ones; zero takes them away.
+
+        `force` [x, y], N, acts at the body's joint point, in the axes of the 'body', with which it turns, or of the
+        'world'; `moment` N m, counter-clockwise (equations.md 6.5). ValueError: no such body, a number
+        that is not finite, other axes.
+        """
+        index_of(self.chain, body)
+        wrench = checked_wrench(force, moment, axes)
+        wrenches = {name: other for name, other in self._wrenches.items() if name != body}
+        if wrench.force or wrench.moment:
+            wrenches[body] = wrench
+        self._put_wrenches(wrenches)
+
+    def clear_wrenches(self) -> None:
+        """Take all wrenches away."""
+        self._put_wrenches({})
+
+    def _put_wrenches(self, wrenches: Mapping[str, Wrench]) -> None:
+        if wrenches != self._wrenches:
+            self._wrenches = dict(wrenches)
+            self._stepper.set_wrenches(on_links(self.chain, wrenches))
+
+    def attach(self, body: str, mass: float, position=(0.0, 0.0), inertia_com: float = 0.0,
+               name: str = 'payload') -> None:
+        """
+        Weld a payload to a body: from now on it is part of the chain, for which the plan is made anew.
+
+        `mass` kg, its mass centre at `position` [x, y], m, in the body's frame, `inertia_com` kg m^2 about that. Joint
+        velocities stay: it has been moving along with the body. ValueError: no such body, a name that a body has, a
+        number that is not finite or too small.
+        """
+        self.replace_chain(with_payload(self.chain, body, mass, position, inertia_com, name))
+
+    def drop(self, name: str = 'payload') -> None:
+        """Let a payload go; joint velocities stay. ValueError: no such payload, or one that carries another."""
+        self.replace_chain(without_payload(self.chain, self._own_bodies, name))
+
+    @property
+    def payloads(self) -> tuple[str, ...]:
+        """Names of the payloads that are attached."""
+        return tuple(body.name for body in self.chain.bodies[self._own_bodies:])
 
     def _counts(self) -> tuple:
         return tuple(before + count for before, count in zip(self._counted, self._stepper.counts))
@@ -279,12 +337,15 @@ class Simulation:
 
     def checkpoint(self) -> Checkpoint:
         """Everything, hidden round-off terms included: going on from it gives the same bits."""
-        return Checkpoint(self._tick, self._stepper.save(), self._between)
+        return Checkpoint(self._tick, self._stepper.save(), self._between, self.chain, self.wrenches)
 
     def restore(self, saved: Checkpoint) -> None:
         """Go back to a checkpoint of a simulation of the same chain; ValueError if it is of another size."""
         if saved.state[0].size != self.chain.joint_count:
             raise ValueError(f'checkpoint has {saved.state[0].size} joints, must have {self.chain.joint_count}')
+        if saved.chain is not None and saved.chain != self.chain:
+            self.replace_chain(saved.chain)
+        self._put_wrenches(saved.wrenches)
         self._stepper.load(*saved.state)
         self._tick, self._between = saved.tick, saved.between
 

@@ -182,10 +182,10 @@ def test_singular_configuration_is_named():
         Body('link', -1, 0j, 0.0, 0.0, 0j, 0.0, 0.0, None, Joint('shoulder', 'rotation', 1.0)),
         Body('bob', 0, 1 + 0j, 0.0, 1.0, 1 + 0j, 1.0, 0.0, None, Joint('elbow', 'rotation', 1.0))))
     assert np.isfinite(pcs.forward_dynamics(chain, [0.3, 1.0], [0.0, 0.0], [0.0, 0.0])).all()
-    wanted = "joint 'shoulder' of collinear: the configuration is singular"
+    wanted = "joint 'shoulder' of body 'link' of collinear: the configuration is singular"
     with pytest.raises(pcs.SimulationError, match=wanted) as caught:
         pcs.forward_dynamics(chain, [0.3, 0.0], [0.0, 0.0], [0.0, 0.0])
-    assert caught.value.joint == 'shoulder'
+    assert caught.value.joint == 'shoulder' and caught.value.body == 'link'
 
 
 @pytest.mark.parametrize('arguments, message', [

@@ -190,6 +190,7 @@ def test_diagnostics_of_a_divergence_are_an_error_with_joint_time_and_state(ever
         if part.level == DiagnosticStatus.ERROR), None))
     told = values(status)
     assert status.message == event['message'] and told['divergence joint'] == event['joint']
+    assert told['divergence body'] == event['body']
     assert float(told['divergence time, s']) == event['time']
     assert json.loads(told['last good position']) == event['position']
     assert everything.call('reset')[0]

@@ -181,7 +181,9 @@ class Stepper {
       : forces_(model.forces), state_(model.chain().joint_count), effort_(state_.position.size()),
         latched_(state_.position.size()), zero_(state_.position.size()), step_(step),
         form_(pc::make_form<double>(model.chain(), dense)),
-        integrator_(pc::make_integrator(method, model.chain(), *form_, forces_, step, dense)) {}
+        integrator_(pc::make_integrator(method, model.chain(), *form_, forces_, step, dense)) {
+    forces_.chain = &model.chain();
+  }
   Stepper(const Stepper&) = delete;
 
   // Goes on from `now` s, at tick `tick` or behind it, where the arguments are whole: an int >= 0; None or a finite array
@@ -285,6 +287,22 @@ class Stepper {
     integrator_->load(std::vector<double>(ahead.data(), ahead.data() + ahead.size()));
   }
 
+  // In place of those that act: (slot of the link, whether the force turns with it, point, force, each as a complex number
+  // of the link's axes or the plane's, moment).
+  void set_wrenches(const std::vector<std::tuple<int, bool, std::complex<double>, std::complex<double>, double>>& given) {
+    forces_.wrenches.clear();
+    for (const auto& [link, turns, point, force, moment] : given)
+      forces_.wrenches.push_back({link, turns, point.real(), point.imag(), force.real(), force.imag(), moment});
+    integrator_->forces_changed();
+  }
+
+  // Goes on from the state of `other`, whose chain has the same joints but may differ in all else.
+  void take_over(const Stepper& other) {
+    state_ = other.state_, effort_ = other.effort_;
+    const auto* before = dynamic_cast<const pc::EventDriven*>(other.integrator_.get());
+    if (auto* driven = dynamic_cast<pc::EventDriven*>(integrator_.get()); driven && before) driven->adopt(*before);
+  }
+
   Array position() const { return make_array(state_.position); }
   Array velocity() const { return make_array(state_.velocity); }
   Array effort() const { return make_array(effort_); }
@@ -322,7 +340,7 @@ class Stepper {
   // Below this, some microseconds, letting the interpreter go and taking it back would cost more than it gives.
   static constexpr std::int64_t few_joint_ticks = 32;
 
-  const pc::JointForces& forces_;
+  pc::JointForces forces_;  // the model's, and wrenches
   pc::JointState state_;
   std::vector<double> effort_, latched_, zero_;
   const double step_;
@@ -429,6 +447,8 @@ PYBIND11_MODULE(_kernel, module) {
       .def("advance", &Stepper::advance)
       .def("reach", &Stepper::reach)
       .def("put_state", &Stepper::put_state)
+      .def("set_wrenches", &Stepper::set_wrenches)
+      .def("take_over", &Stepper::take_over)
       .def("save", &Stepper::save)
       .def("load", &Stepper::load)
       .def_property_readonly("position", &Stepper::position)

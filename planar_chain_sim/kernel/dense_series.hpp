@@ -10,7 +10,8 @@
 //   f_w = E_p . Gamma_w
 //   E' = j phi' E,   Y = x E_p
 //
-// (the part of H_ii that does not change apart, B_ii = 0 for a link that turns), so that an order costs two complex
+// (the part of H_ii that does not change apart, B_ii = 0 for a link that turns; a force f E from outside adds
+// -conj(C_a) f E to Gamma_a, C_a being that of the point where it acts), so that an order costs two complex
 // convolutions a vector and two small products with matrices of the step: the inverse of H, and that inverse times what
 // the left sides make of B Z''.
 #pragma once
@@ -63,6 +64,14 @@ class DenseSeries {
   Row slide_coupling_x[most_slides] = {}, slide_coupling_y[most_slides] = {};
   Numbers between_x[most_slides] = {}, between_y[most_slides] = {};
   Numbers slide_weight_x = {}, slide_weight_y = {}, slide_inertia = {}, slide_damping = {}, slide_stiffness = {};
+
+  // conj(C_a) f of a force from outside, and the angle with which it turns, -1: none.
+  struct Push {
+    int turns_with;
+    Row x = {}, y = {};
+    Numbers slide_x = {}, slide_y = {};
+  };
+  std::vector<Push> pushes;
 
   // Coefficients. speed: phi'. unit: E. pull: Gamma. acceleration: (phi'')_k.
   Series speed = {}, unit_x = {}, unit_y = {}, pull_x = {}, pull_y = {}, acceleration = {};
@@ -160,6 +169,7 @@ class DenseSeries {
     Known of[most_slides];
     if constexpr (Slides)
       for (int w = 0; w < slides; ++w) of[w] = known_of(w, k, bend_x, bend_y);
+    if (k > 0 && !pushes.empty()) push_joints(k, balance, of);
 
     for (int p = 0; p < parts; ++p) {
       Vector more, less, across;
@@ -204,6 +214,7 @@ class DenseSeries {
     }
     if constexpr (Slides)
       for (int w = 0; w < slides; ++w) pull(w, k, of, bend_x, bend_y);
+    if (!pushes.empty()) push_vectors(k);
   }
 
  private:
@@ -334,6 +345,42 @@ class DenseSeries {
       for (int j : damped) damp += damping[j](p) * speed[k].of[j];
       for (int j : sprung) draw += stiffness[j](p) * (speed[k - 1].of[j] * reciprocal);
       balance(p) -= damp + draw;
+    }
+  }
+
+  // E of a push, its coefficient k.
+  double push_x(const Push& push, int k) const { return push.turns_with >= 0 ? unit_x[k].of[push.turns_with] : k == 0; }
+  double push_y(const Push& push, int k) const { return push.turns_with >= 0 ? unit_y[k].of[push.turns_with] : 0.0; }
+
+  // What pushes of order k do to the joints; at order 0 they are among the known efforts.
+  PLANAR_CHAIN_INLINE void push_joints(int k, Row& balance, Known* of) const {
+    for (const Push& push : pushes) {
+      const double ex = push_x(push, k), ey = push_y(push, k);
+      for (int p = 0; p < parts; ++p)
+        balance(p) += unit_x[0](p) * (push.x(p) * ey + push.y(p) * ex) - unit_y[0](p) * (push.x(p) * ex - push.y(p) * ey);
+      if constexpr (Slides)
+        for (int w = 0; w < slides; ++w) {
+          const SlideSeries& s = slide[w];
+          const double fx = push.slide_x[w] * ex - push.slide_y[w] * ey, fy = push.slide_x[w] * ey + push.slide_y[w] * ex;
+          of[w].balance += s.unit_x[0] * fx + s.unit_y[0] * fy;
+          of[w].torque += s.arm_x[0] * fy - s.arm_y[0] * fx;
+        }
+    }
+  }
+
+  // Their share in Gamma of order k.
+  PLANAR_CHAIN_INLINE void push_vectors(int k) {
+    for (const Push& push : pushes) {
+      const double ex = push_x(push, k), ey = push_y(push, k);
+      for (int p = 0; p < parts; ++p) {
+        pull_x[k](p) -= push.x(p) * ex - push.y(p) * ey;
+        pull_y[k](p) -= push.x(p) * ey + push.y(p) * ex;
+      }
+      if constexpr (Slides)
+        for (int w = 0; w < slides; ++w) {
+          slide[w].pull_x[k] -= push.slide_x[w] * ex - push.slide_y[w] * ey;
+          slide[w].pull_y[k] -= push.slide_x[w] * ey + push.slide_y[w] * ex;
+        }
     }
   }
 

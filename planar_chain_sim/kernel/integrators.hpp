@@ -78,6 +78,9 @@ class Integrator {
   // The state was changed by somebody else: nothing that was computed ahead holds.
   virtual void forget() {}
 
+  // Forces other than the actuators' were changed.
+  virtual void forces_changed() { forget(); }
+
   // What decides how to go on besides the state: for a checkpoint.
   virtual std::vector<double> save() const { return {}; }
   virtual void load(const std::vector<double>&) { forget(); }

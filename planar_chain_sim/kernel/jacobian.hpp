@@ -44,6 +44,7 @@ class Jacobian {
     }
     for (const auto& law : forces_.dampers) by_velocity[at(law.joint, law.joint)] += law.damping;
     for (const auto& law : forces_.springs) by_position[at(law.joint, law.joint)] += law.stiffness;
+    for (const Wrench& wrench : forces_.wrenches) take(wrench);
   }
 
  private:
@@ -151,6 +152,35 @@ class Jacobian {
     for (int row : {inner.slide, inner.rotation})
       for (int column : {outer.slide, outer.rotation})
         if (row >= 0 && column >= 0) mass[at(column, row)] = mass[at(row, column)];
+  }
+
+  // Less the derivative of a wrench's joint efforts (equations.md 6.5): of the arms r - P_k, the slides' directions and, where it
+  // turns with its link, the force.
+  void take(const Wrench& wrench) {
+    const Motion& own = links_[wrench.link];
+    Vec force = {wrench.force_x, wrench.force_y};
+    if (wrench.turns) force = rotate(force.x, force.y, own.cosine, own.sine);
+    Vec inner_arm = rotate(wrench.point_x, wrench.point_y, own.cosine, own.sine);  // r - P_k
+    for (int k = wrench.link; k > 0; inner_arm = inner_arm + links_[k].lever, k = chain_.links[k].carrier) {
+      const Link& inner = chain_.links[k];
+      Vec arm = rotate(wrench.point_x, wrench.point_y, own.cosine, own.sine);      // r - P_l, l from the link to k
+      for (int l = wrench.link;; arm = arm + links_[l].lever, l = chain_.links[l].carrier) {
+        const Link& outer = chain_.links[l];
+        const double turned = wrench.turns ? dot(inner_arm, force) - dot(arm, force) : -dot(arm, force);
+        if (inner.turns() && outer.turns()) {
+          by_position[at(inner.rotation, outer.rotation)] -= inner.sign * outer.sign * turned;
+          if (k != l && !wrench.turns)
+            by_position[at(outer.rotation, inner.rotation)] += inner.sign * outer.sign * dot(arm, force);
+        }
+        if (inner.turns() && outer.slides() && k != l)
+          by_position[at(inner.rotation, outer.slide)] -= inner.sign * dot(perp(links_[l].axis), force);
+        if (inner.slides() && outer.turns() && wrench.turns)
+          by_position[at(inner.slide, outer.rotation)] += outer.sign * dot(perp(links_[k].axis), force);
+        if (inner.turns() && outer.slides() && k != l && !wrench.turns)
+          by_position[at(outer.slide, inner.rotation)] -= inner.sign * dot(perp(links_[l].axis), force);
+        if (l == k) break;
+      }
+    }
   }
 
   // Everything outboard gains the same acceleration.

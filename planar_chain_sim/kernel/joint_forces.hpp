@@ -1,11 +1,12 @@
-// Laws of joint effort, each on the relative coordinate (equations.md 4): twin of joint_forces.py. A law nobody uses
-// has an empty list and costs nothing.
+// Laws of joint effort, each on the relative coordinate (equations.md 4): twin of joint_forces.py; and wrenches from
+// outside. A law nobody uses has an empty list and costs nothing.
 #pragma once
 
 #include <vector>
 
 #include "chain.hpp"
 #include "lanes.hpp"
+#include "wrench.hpp"
 
 namespace planar_chain {
 
@@ -52,12 +53,17 @@ struct JointForcesOf {
   std::vector<FrictionOf<Real>> frictions;
   std::vector<LimitOf<Real>> limits;
   std::vector<StopOf<Real>> stops;
+  std::vector<Wrench> wrenches;             // on `chain`; a simulation has them, a batch none
+  const ChainOf<Real>* chain = nullptr;
 
   // Whether any of them depends on the state.
-  bool passive() const { return !bare && !(dampers.empty() && springs.empty() && frictions.empty()); }
+  bool passive() const {
+    return !bare && !(dampers.empty() && springs.empty() && frictions.empty() && wrenches.empty());
+  }
 
-  // tau += -d theta' - k (theta - theta_0) - tau_c sgn(theta')   (equations.md 4)
-  void add_passive(const Real* position, const Real* velocity, Real* effort) const {
+  // tau += -d theta' - k (theta - theta_0) - tau_c sgn(theta')   (equations.md 4), and what wrenches do. `remainder`: what
+  // positions are beyond double precision.
+  void add_passive(const Real* position, const Real* velocity, Real* effort, const Real* remainder = nullptr) const {
     if constexpr (bare) return;
     for (const auto& law : dampers) effort[law.joint] -= law.damping * velocity[law.joint];
     for (const auto& law : springs) effort[law.joint] -= law.stiffness * (position[law.joint] - law.rest);
@@ -65,6 +71,12 @@ struct JointForcesOf {
       const Real rate = velocity[law.joint], one = 1.0, zero = 0.0;
       effort[law.joint] -= law.friction * select(rate > zero, one, select(rate < zero, -one, zero));
     }
+    add_wrenches(position, remainder, effort);
+  }
+
+  void add_wrenches(const Real* position, const Real* remainder, Real* effort) const {
+    if constexpr (lanes_in<Real> == 1)
+      for (const Wrench& wrench : wrenches) add_wrench(*chain, wrench, position, remainder, effort);
   }
 
   // The actuator gives at most its limit, to either side.

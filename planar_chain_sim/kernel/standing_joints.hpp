@@ -13,7 +13,7 @@ namespace planar_chain {
 
 struct MovingPart {
   Chain chain;               // joints numbered anew
-  JointForces forces;        // dampers and springs; efforts that do not change are the caller's
+  JointForces forces;        // dampers, springs, wrenches; efforts that do not change are the caller's
   std::vector<int> joints;   // what the new joints were
 };
 
@@ -58,6 +58,15 @@ inline MovingPart without_standing(const Chain& whole, const JointForces& forces
     if ((law.joint = number[law.joint]) >= 0) part.forces.dampers.push_back(law);
   for (auto law : forces.springs)
     if ((law.joint = number[law.joint]) >= 0) part.forces.springs.push_back(law);
+  for (Wrench wrench : forces.wrenches) {
+    const VecOf<double> own = turned[wrench.link], point = rotate(wrench.point_x, wrench.point_y, own.x, own.y);
+    wrench.point_x = point.x, wrench.point_y = point.y;
+    if (wrench.turns) {
+      const VecOf<double> force = rotate(wrench.force_x, wrench.force_y, own.x, own.y);
+      wrench.force_x = force.x, wrench.force_y = force.y;
+    }
+    part.forces.wrenches.push_back(wrench);
+  }
   return part;
 }
 

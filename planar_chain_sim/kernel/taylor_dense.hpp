@@ -14,6 +14,7 @@ namespace planar_chain {
 template <int Angles, bool Slides>
 class TaylorDense final : public Taylor {
   using Series = DenseSeries<Angles, Slides>;
+  using Complex = std::complex<double>;
 
  public:
   TaylorDense(const Chain& chain, const JointForces& forces, double tick_length, int order, double tolerance,
@@ -22,6 +23,12 @@ class TaylorDense final : public Taylor {
     number_unknowns();
     couple();
     resist();
+    push();
+  }
+
+  void forces_changed() override {
+    forget();
+    push();
   }
 
  protected:
@@ -79,16 +86,16 @@ class TaylorDense final : public Taylor {
   // B, gravity and constant inertia, link by link: its joint point is the sum of arm_a Z_a, its mass centre has its own
   // first moment besides. Here all Z have one numbering, angles and then slides.
   void couple() {
-    using Complex = std::complex<double>;
     const int n = chain_.link_count();
     Series& s = series_;
     const int count = s.angles + s.slides;
     const Complex gravity(chain_.gravity_x, chain_.gravity_y);
-    std::vector<std::vector<Complex>> arms(n + 1, std::vector<Complex>(count)), coupling(count, std::vector<Complex>(count));
+    arms_.assign(n + 1, std::vector<Complex>(count));
+    std::vector<std::vector<Complex>> coupling(count, std::vector<Complex>(count));
     std::vector<Complex> weight(count);
     for (int k = 1; k <= n; ++k) {
       const Link& link = chain_.links[k];
-      std::vector<Complex>& arm = arms[k] = arms[link.carrier];
+      std::vector<Complex>& arm = arms_[k] = arms_[link.carrier];
       if (const int p = angle_[link.carrier]; p >= 0) arm[p] += Complex(link.offset_x, link.offset_y);
       if (link.slides()) arm[s.angles + slide_[k]] += Complex(link.axis_x, link.axis_y);
       std::vector<Complex> reach(count);       // m_k C_ak
@@ -145,6 +152,24 @@ class TaylorDense final : public Taylor {
     }
   }
 
+  // Forces from outside on the vectors of the series.
+  void push() {
+    Series& s = series_;
+    s.pushes.clear();
+    for (const Wrench& wrench : forces_.wrenches) {
+      typename Series::Push made{wrench.turns ? angle_[wrench.link] : -1};
+      std::vector<Complex> reach = arms_[wrench.link];
+      if (const int own = angle_[wrench.link]; own >= 0) reach[own] += Complex(wrench.point_x, wrench.point_y);
+      const Complex force(wrench.force_x, wrench.force_y);
+      for (int a = 0; a < s.angles + s.slides; ++a) {
+        const Complex pushed = std::conj(reach[a]) * force;
+        if (a < s.angles) made.x.of[a] = pushed.real(), made.y.of[a] = pushed.imag();
+        else made.slide_x[a - s.angles] = pushed.real(), made.slide_y[a - s.angles] = pushed.imag();
+      }
+      s.pushes.push_back(made);
+    }
+  }
+
   // Orders 0 and 1 from angles summed with what rounding loses.
   PLANAR_CHAIN_INLINE void place(const JointState& base) {
     Series& s = series_;
@@ -195,6 +220,7 @@ class TaylorDense final : public Taylor {
   }
 
   const Chain& chain_;
+  std::vector<std::vector<Complex>> arms_;  // coefficients of the vectors in each link's joint point
   std::vector<int> angle_, slide_;  // number of a link's angle, its carrier's where it has none; of its slide; else -1
   int joint_[Angles] = {}, slide_joint_[Series::most_slides] = {};
   double sign_[Angles] = {};

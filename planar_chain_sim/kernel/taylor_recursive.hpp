@@ -146,7 +146,7 @@ class TaylorRecursive final : public Taylor {
     recursion_.respond(effort_.data(), response_.data());
   }
 
-  // Coefficient k of what dampers and springs do; actuators, friction and gravity are constant and have none.
+  // Coefficient k of what dampers and springs do; actuators, friction, moments and gravity are constant and have none.
   void add_passive(int k) {
     std::memset(effort_.data(), 0, effort_.size() * sizeof(double));
     const double *v = velocity(k), *before = velocity(k - 1);
@@ -211,6 +211,13 @@ class TaylorRecursive final : public Taylor {
       force_y_[i] = link.mass * linear_y_[i] + (link.moment_x * bend_y_[i] + link.moment_y * bend_x_[i]);
       gx[i] = link.moment_x * linear_x_[i] + link.moment_y * linear_y_[i];
       gy[i] = link.moment_x * linear_y_[i] - link.moment_y * linear_x_[i];
+    }
+    for (const Wrench& wrench : forces_.wrenches) {  // a force f E_i or f at a point p: F_i -= f .., G_i -= conj(p) f ..
+      const int i = wrench.link, axes = wrench.turns ? i : 0;
+      const double x = row(unit_x_, k)[axes], y = row(unit_y_, k)[axes];
+      const double fx = wrench.force_x * x - wrench.force_y * y, fy = wrench.force_x * y + wrench.force_y * x;
+      force_x_[i] -= fx, force_y_[i] -= fy;
+      gx[i] -= wrench.point_x * fx + wrench.point_y * fy, gy[i] -= wrench.point_x * fy - wrench.point_y * fx;
     }
     for (int i = n; i >= 1; --i) {
       const Link& link = chain_.links[i];

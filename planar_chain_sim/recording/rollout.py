@@ -63,7 +63,8 @@ class OfflineLog:
 
     def write_divergence(self, error: SimulationError) -> None:
         """Append the event that ended the run."""
-        self._write_event(error.tick, 'divergence', message=str(error), joint=error.joint, time=error.time)
+        self._write_event(error.tick, 'divergence', message=str(error), joint=error.joint, body=error.body,
+                          time=error.time)
 
     def _write_event(self, tick: int, kind: str, at: Optional[float] = None, **data) -> None:
         time = self._nanoseconds(tick) if at is None else round(at * 1e9)

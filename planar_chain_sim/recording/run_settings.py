@@ -20,7 +20,7 @@ def settings_of(simulation: Simulation, state_topic: str, events_topic: str) -> 
     """Return the metadata 'planar_chain_sim' of a log that begins at the simulation's present tick and state."""
     return {
         'format': FORMAT, 'version': __version__, 'build': f'{_kernel.compiler} {machine()}',
-        'method': simulation.method, 'step': simulation.step.hex(), 'form': simulation.form,
+        'method': simulation.method, 'step': simulation.step.hex(), 'form': simulation.form_asked,
         'tolerance': '' if simulation.tolerance is None else float(simulation.tolerance).hex(),
         'joint_names': json.dumps(simulation.chain.joint_names),
         'state_topic': state_topic, 'events_topic': events_topic, 'tick': str(simulation.tick),

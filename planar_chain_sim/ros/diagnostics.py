@@ -54,7 +54,8 @@ class Diagnostics:
         }
         if measured.divergence:
             error = measured.divergence
-            values.update({'divergence joint': error.joint, 'divergence time, s': repr(error.time),
+            values.update({'divergence joint': error.joint, 'divergence body': error.body,
+                           'divergence time, s': repr(error.time),
                            'last good position': error.position.tolist(),
                            'last good velocity': error.velocity.tolist()})
             return self._status('simulation', ERROR, str(error), values)

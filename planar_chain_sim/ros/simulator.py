@@ -170,8 +170,8 @@ class Simulator:
         except SimulationError as error:
             self._tell_joint_events()
             self._divergence = error
-            publication.event('divergence', message=str(error), joint=error.joint, time=error.time,
-                              position=error.position.tolist(), velocity=error.velocity.tolist())
+            publication.event('divergence', message=str(error), joint=error.joint, body=error.body,
+                              time=error.time, position=error.position.tolist(), velocity=error.velocity.tolist())
             self._logger.error(f'{error}; ~/reset goes on from the initial state')
             return False
         self._tell_joint_events()

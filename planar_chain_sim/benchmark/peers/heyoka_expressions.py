@@ -190,7 +190,7 @@ def two_rods(heyoka, chain: Chain, torque=None) -> System:
 
     `torque` as above. ValueError: another chain.
     """
-    links, _ = merge_welded(chain)
+    links, *_ = merge_welded(chain)
     laws = any(joint.damping or joint.stiffness or joint.armature for joint in chain.joints)
     if len(links) != 2 or laws or any(link.slide or link.rotation is None for link in links) or links[1].carrier != 1:
         raise ValueError(f'{chain.name}: the closed form is for two free rods')
