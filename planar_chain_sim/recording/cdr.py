@@ -138,6 +138,14 @@ def encode_float64_multi_array(values) -> bytes:
     return _ENCAPSULATION + body
 
 
+def decode_wrench_stamped(data) -> tuple[str, tuple, tuple]:
+    """Decode a geometry_msgs/msg/WrenchStamped: frame_id, force (x, y, z), torque (x, y, z); CdrError if it is none."""
+    cursor = _Cursor(data, 'geometry_msgs/msg/WrenchStamped')
+    cursor.stamp()
+    frame_id, numbers = cursor.string(), cursor.float64s(6)
+    return frame_id, numbers[:3], numbers[3:]
+
+
 def decode_clock(data) -> int:
     """Decode a rosgraph_msgs/msg/Clock to its time, ns; CdrError if it is none."""
     seconds, nanoseconds = _Cursor(data, 'rosgraph_msgs/msg/Clock').stamp()
@@ -225,6 +233,11 @@ class _Cursor:
             return encoded[:-1].decode()
         except UnicodeDecodeError:
             raise self._malformed(f'the string at byte {start + 4} is not UTF-8') from None
+
+    def float64s(self, count: int) -> tuple:
+        """Read this many float64 fields."""
+        start = self._take(8 * count, 8)
+        return unpack_from(f'{self._count.format[0]}{count}d', self._body, start)
 
     def float64_array(self) -> np.ndarray:
         """Read a float64 sequence into an array of its own."""
