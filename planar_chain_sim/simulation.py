@@ -242,6 +242,11 @@ class Simulation:
             wrenches[body] = wrench
         self._put_wrenches(wrenches)
 
+    @property
+    def wrench_effort(self) -> np.ndarray:
+        """Joint efforts (joints,), N m or N, that do the same work as the wrenches in this state (equations.md 6.5)."""
+        return self._stepper.wrench_effort()
+
     def clear_wrenches(self) -> None:
         """Take all wrenches away."""
         self._put_wrenches({})

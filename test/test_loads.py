@@ -1,5 +1,6 @@
 """Wrenches and payloads on a moving chain: the joint efforts that do the same work, in every method, and no more."""
 from dataclasses import replace
+import json
 
 import numpy as np
 import pytest
@@ -12,6 +13,11 @@ from planar_chain_sim.changes import apply_change
 from planar_chain_sim.integrators import method_data
 from planar_chain_sim.loads import on_links, Wrench
 from planar_chain_sim.plan import plan_of
+from planar_chain_sim.recording.log_reader import read_log
+from planar_chain_sim.recording.resimulation import resimulate
+from planar_chain_sim.recording.rollout import OfflineLog
+from planar_chain_sim.recording.run_settings import simulation_of
+from planar_chain_sim.symbolic.logged_state import state_at
 
 ROBOT = pcs.load_chain('four_link_robot.yaml')
 ARM = pcs.load_chain('seven_link_arm.yaml')
@@ -219,8 +225,9 @@ def test_a_joint_that_stands_carries_wrenches_as_a_weld_does(method):
     others = [0, 2, 3, 4, 5, 6]
     welded.set_state(position[others], np.zeros(6))
     for simulation in (stuck, welded):
-        for k, axes in ((1, 'world'), (2, 'body'), (3, 'world'), (6, 'body')):
-            simulation.set_wrench(chain.bodies[k].name, (4.0, -3.0), 0.3, axes)
+        simulation.attach('link_4', 0.05, (0.05, 0.02), name='tray')
+        for body, axes in (('link_2', 'world'), ('link_3', 'body'), ('tray', 'world'), ('link_7', 'body')):
+            simulation.set_wrench(body, (4.0, -3.0), 0.3, axes)
         simulation.advance(100)
     assert stuck.position[1] == position[1]
     np.testing.assert_allclose(stuck.position[others], welded.position, rtol=0, atol=1e-10)
@@ -363,3 +370,31 @@ def test_changes_of_a_log_do_the_same():
     for _ in range(2):   # the second time there is none to drop
         apply_change(changed, 'payload', {**data, 'mass': 0.0})
         assert changed.chain == ROBOT
+
+
+@pytest.mark.parametrize('method', ['auto', 'rk4'])
+def test_a_log_with_loads_runs_again_and_knows_the_chain_of_each_tick(tmp_path, method):
+    """As the node writes it: an event at the tick from which the change acts."""
+    simulation, path = pcs.Simulation(ROBOT, method), tmp_path / 'run.mcap'
+    payload = {'name': 'payload', 'body': 'forearm', 'mass': 0.5, 'position': [0.1, 0.0], 'inertia_com': 0.01}
+    changes = {40: ('wrench', {'body': 'column', 'force': [1.0, -2.0], 'moment': 0.3, 'axes': 'body'}),
+               90: ('payload', payload), 120: ('wrench', {'body': 'forearm', 'force': [0.0, 4.0], 'axes': 'world'}),
+               160: ('payload', {**payload, 'mass': 0.0}), 200: ('reset', {})}
+    accelerations = {}
+    with OfflineLog(path, simulation) as log:
+        for tick in range(240):
+            if tick in changes:
+                kind, data = changes[tick]
+                apply_change(simulation, kind, json.loads(json.dumps(data)))
+                log._write_event(tick, kind, **data)
+            simulation.advance(1)
+            accelerations[tick + 1] = simulation.acceleration
+            log.write_state(tick + 1, simulation.position, simulation.velocity, simulation.effort)
+    read = read_log(path)
+    assert resimulate(read).difference is None
+    for tick in (20, 41, 91, 130, 170, 230):
+        start = simulation_of(read)
+        _, position, velocity, effort = state_at(read, start, tick * 1e-3)
+        assert len(start.chain.bodies) == (5 if tick in (91, 130) else 4)
+        acceleration = pcs.forward_dynamics(start.chain, position, velocity, effort)
+        np.testing.assert_allclose(acceleration, accelerations[tick], rtol=1e-9, atol=1e-9)

@@ -10,6 +10,7 @@ from random_trees import one_joint, random_tree
 
 import planar_chain_sim as pcs
 from planar_chain_sim import _kernel, SimulationError
+from planar_chain_sim.benchmark.problems import uniform_rods
 from planar_chain_sim.integrators import Method, method_data
 from planar_chain_sim.plan import plan_of
 from planar_chain_sim.simulation import initial_state
@@ -285,3 +286,28 @@ def test_an_adaptive_step_that_cannot_be_evaluated_fails_and_keeps_the_state():
     with pytest.raises(SimulationError, match='tick 0'):
         simulation.advance(10)
     assert simulation.position.tolist() == [1e160] * tree.joint_count
+
+
+@pytest.mark.parametrize('turns', [2, -1_000_000, 10**10])
+@pytest.mark.parametrize('method', pcs.METHODS)
+def test_a_million_turns_behind_it_an_arm_moves_as_it_did(method, turns):
+    """Twins that differ by whole turns, to twice double precision; a tolerance grows with the angle."""
+    pi = Fraction('3.14159265358979323846264338327950288419716939937510582097494459')
+    start, rate = [0.5, 0.3, -0.2], [1.0, 0.5, 0.2]
+    ends = []
+    for whole in (0, turns):
+        simulation = pcs.Simulation(uniform_rods(3), method, 1e-3, 1e-15 if pcs.METHODS[method].adaptive else None)
+        simulation.set_state(start, rate)
+        saved = simulation.checkpoint()
+        angle = Fraction(start[0]) + 2 * whole * pi
+        position, remainder = saved.state[0].copy(), np.zeros(3)
+        position[0] = float(angle)
+        remainder[0] = float(angle - Fraction(position[0]))
+        simulation.restore(replace(saved, state=(position, saved.state[1], remainder, *saved.state[3:])))
+        simulation.advance(200)
+        position, velocity, remainder, *_ = simulation.checkpoint().state
+        reached = [Fraction(high) + Fraction(low) for high, low in zip(position, remainder)]
+        reached[0] -= 2 * whole * pi
+        ends.append([*map(float, reached), *velocity])
+    limit = 1e-13 if not pcs.METHODS[method].adaptive else 1e-13 * max(1.0, 1e-2 * abs(turns))
+    np.testing.assert_allclose(ends[1], ends[0], rtol=0, atol=min(limit, 1e-7))

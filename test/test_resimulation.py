@@ -202,7 +202,7 @@ def test_a_run_that_runs_away_is_logged_up_to_there(tmp_path, capsys):
     path.write_text('name: stiff\nbodies:\n- {name: b, carrier: base, mass: 1, inertia_com: 1,\n'
                     '   rotation: {joint: j, stiffness: 1e8, position: 1}}\n')
     assert rollout.main([str(path), '--method', 'rk4', '--output', str(output)]) == 2
-    assert "of stiff at tick " in capsys.readouterr().err
+    assert 'of stiff at tick ' in capsys.readouterr().err
     last = list(read_log(output).messages)[-1]
     assert json.loads(last.data[8:-1])['kind'] == 'divergence'
     assert resimulation.main([str(output)]) == 0

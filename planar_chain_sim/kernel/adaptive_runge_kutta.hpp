@@ -13,13 +13,13 @@ namespace planar_chain {
 
 class AdaptiveRungeKutta final : public ErrorControlledStep {
  public:
-  AdaptiveRungeKutta(Form& form, const JointForces& forces, int joints, const Tableau& tableau, int order,
+  AdaptiveRungeKutta(const Chain& chain, Form& form, const JointForces& forces, const Tableau& tableau, int order,
                      double tick_length, double tolerance, double fixed)
-      : ErrorControlledStep(form, forces, joints, order, tick_length, tolerance, fixed, width_of(tableau), 0),
+      : ErrorControlledStep(chain, form, forces, order, tick_length, tolerance, fixed, width_of(tableau), 0),
         stage_count_(tableau.stages), a_(rows_of(tableau.a, tableau.stages)),
         error_(rows_of(tableau.error, tableau.stages + 1)), dense_a_(rows_of(tableau.dense_a, width_of(tableau))),
         dense_(rows_of(tableau.dense, width_of(tableau))), b_(tableau.b, tableau.stages, 0),
-        terms_(3 + dense_.size(), std::vector<double>(2 * static_cast<std::size_t>(joints))), moved_(terms_[0]) {
+        terms_(3 + dense_.size(), std::vector<double>(2 * static_cast<std::size_t>(joints_))), moved_(terms_[0]) {
     for (const Weights& row : error_) end_weighs_ |= !row.stage.empty() && row.stage.back() == stage_count_;
   }
 

@@ -24,6 +24,7 @@
 #include "roll_batch.hpp"
 #include "rollout.hpp"
 #include "trigonometry.hpp"
+#include "whole_turns.hpp"
 
 namespace py = pybind11;
 namespace pc = planar_chain;
@@ -54,7 +55,7 @@ class Model {
       for (double pc::Link::* number : pc::Link::numbers) link.*number = c(i, column++);
     }
     chain_.find_features();
-    recursion_.emplace(chain_);
+    recursion_.emplace(chain_), turns_.emplace(chain_);
     chain_.refined = pc::needs_refinement(chain_);
     recursive_ = pc::make_form<double>(chain_, false);
     effort_.resize(static_cast<std::size_t>(joint_count));
@@ -70,7 +71,7 @@ class Model {
     std::copy(effort.data(), effort.data() + chain_.joint_count, effort_.begin());
     forces.add_passive(position.data(), velocity.data(), effort_.data());
     const int joint =
-        form(dense).forward(position.data(), velocity.data(), effort_.data(), acceleration.mutable_data());
+        form(dense).forward(near(position), velocity.data(), effort_.data(), acceleration.mutable_data());
     return {acceleration, joint};
   }
 
@@ -92,7 +93,7 @@ class Model {
 
   Array inverse_dynamics(const Array& position, const Array& velocity, const Array& acceleration) {
     Array effort(chain_.joint_count);
-    recursion_->inverse(position.data(), velocity.data(), acceleration.data(), true, effort.mutable_data());
+    recursion_->inverse(near(position), velocity.data(), acceleration.data(), true, effort.mutable_data());
     std::fill(effort_.begin(), effort_.end(), 0.0);
     forces.add_passive(position.data(), velocity.data(), effort_.data());
     for (int i = 0; i < chain_.joint_count; ++i) effort.mutable_data()[i] -= effort_[static_cast<std::size_t>(i)];
@@ -106,7 +107,7 @@ class Model {
     std::vector<double> zero(effort_.size()), unit(effort_.size());
     for (int j = 0; j < n; ++j) {
       unit[static_cast<std::size_t>(j)] = 1.0;
-      recursion_->inverse(position.data(), zero.data(), unit.data(), false, effort_.data());
+      recursion_->inverse(near(position), zero.data(), unit.data(), false, effort_.data());
       unit[static_cast<std::size_t>(j)] = 0.0;
       for (int i = 0; i < n; ++i) matrix.mutable_at(i, j) = effort_[static_cast<std::size_t>(i)];
     }
@@ -118,7 +119,7 @@ class Model {
   // Mass matrix, and derivatives by position and velocity of the effort that inverse_dynamics gives; joints x joints.
   std::tuple<Array, Array, Array> derivatives(const Array& position, const Array& velocity, const Array& acceleration) {
     pc::Jacobian jacobian(chain_, forces);
-    jacobian.compute(position.data(), velocity.data(), acceleration.data());
+    jacobian.compute(near(position), velocity.data(), acceleration.data());
     const int n = chain_.joint_count;
     const auto square = [n](const std::vector<double>& rows) { return Array({n, n}, rows.data()); };
     return {square(jacobian.mass), square(jacobian.by_position), square(jacobian.by_velocity)};
@@ -126,11 +127,19 @@ class Model {
 
   std::pair<double, double> energy(const Array& position, const Array& velocity) {
     double kinetic, potential;
-    recursion_->energy(position.data(), velocity.data(), kinetic, potential);
+    recursion_->energy(near(position), velocity.data(), kinetic, potential);
     return {kinetic, potential + forces.spring_energy(position.data())};
   }
 
  private:
+  // Positions without whole turns.
+  const double* near(const Array& position) {
+    if (!turns_->find(position.data())) return position.data();
+    position_.assign(position.data(), position.data() + position.size());
+    turns_->leave_out(position.data(), std::vector<double>(position_.size()).data(), position_.data());
+    return position_.data();
+  }
+
   pc::Form& form(bool dense) {
     if (dense && !dense_) dense_ = pc::make_form<double>(chain_, true);  // its matrix is made for those who ask for it
     return dense ? *dense_ : *recursive_;
@@ -139,7 +148,8 @@ class Model {
   pc::Chain chain_;
   std::optional<pc::Recursion> recursion_;
   std::unique_ptr<pc::Form> recursive_, dense_;
-  std::vector<double> effort_;
+  std::optional<pc::WholeTurns<double>> turns_;
+  std::vector<double> effort_, position_;
 };
 
 // Accelerations of many states, (states, joints) each, in the lanes of the widest vectors, by one thread.
@@ -179,7 +189,7 @@ class Stepper {
  public:
   Stepper(const Model& model, const pc::MethodData& method, double step, bool dense)
       : forces_(model.forces), state_(model.chain().joint_count), effort_(state_.position.size()),
-        latched_(state_.position.size()), zero_(state_.position.size()), step_(step),
+        latched_(state_.position.size()), zero_(state_.position.size()), step_(step), turns_(model.chain()),
         form_(pc::make_form<double>(model.chain(), dense)),
         integrator_(pc::make_integrator(method, model.chain(), *form_, forces_, step, dense)) {
     forces_.chain = &model.chain();
@@ -296,6 +306,13 @@ class Stepper {
     integrator_->forces_changed();
   }
 
+  // Joint efforts that do the work of the wrenches in this state.
+  Array wrench_effort() const {
+    std::vector<double> effort(effort_.size());
+    forces_.add_wrenches(state_.position.data(), state_.position_remainder.data(), effort.data());
+    return make_array(effort);
+  }
+
   // Goes on from the state of `other`, whose chain has the same joints but may differ in all else.
   void take_over(const Stepper& other) {
     state_ = other.state_, effort_ = other.effort_;
@@ -320,7 +337,11 @@ class Stepper {
     } else {
       latched_ = effort_;
       forces_.add_passive(state_.position.data(), state_.velocity.data(), latched_.data());
-      joint = form_->forward(state_.position.data(), state_.velocity.data(), latched_.data(), out.mutable_data());
+      std::vector<double> position = state_.position;
+      if (turns_.find(position.data()))
+        turns_.leave_out(state_.position.data(), state_.position_remainder.data(), position.data());
+      forces_.add_wrenches(position.data(), nullptr, latched_.data());
+      joint = form_->forward(position.data(), state_.velocity.data(), latched_.data(), out.mutable_data());
     }
     return py::make_tuple(out, joint);
   }
@@ -344,6 +365,7 @@ class Stepper {
   pc::JointState state_;
   std::vector<double> effort_, latched_, zero_;
   const double step_;
+  pc::WholeTurns<double> turns_;
   std::unique_ptr<pc::Form> form_;
   std::unique_ptr<pc::Integrator> integrator_;
 };
@@ -448,6 +470,7 @@ PYBIND11_MODULE(_kernel, module) {
       .def("reach", &Stepper::reach)
       .def("put_state", &Stepper::put_state)
       .def("set_wrenches", &Stepper::set_wrenches)
+      .def("wrench_effort", &Stepper::wrench_effort)
       .def("take_over", &Stepper::take_over)
       .def("save", &Stepper::save)
       .def("load", &Stepper::load)

@@ -13,11 +13,11 @@ class ErrorControlledStep : public AdaptiveStep {
  public:
   // `order` of the method; `rows` of derivatives that it keeps, row `slope` being the one at the start of a step;
   // `fixed`: s, length of every step, 0: by tolerance.
-  ErrorControlledStep(Form& form, const JointForces& forces, int joints, int order, double tick_length,
+  ErrorControlledStep(const Chain& chain, Form& form, const JointForces& forces, int order, double tick_length,
                       double tolerance, double fixed, int rows, int slope)
-      : AdaptiveStep(forces, joints, tick_length), joints_(joints), tolerance_(tolerance), fixed_(fixed),
-        stages_(form, forces, joints, rows), end_(joints), order_(order), slope_(slope), towards_slope_({1.0}, 1, 0),
-        trial_(2 * static_cast<std::size_t>(joints)) {
+      : AdaptiveStep(forces, chain.joint_count, tick_length), joints_(chain.joint_count), tolerance_(tolerance),
+        fixed_(fixed), stages_(chain, form, forces, rows), end_(joints_), order_(order), slope_(slope),
+        towards_slope_({1.0}, 1, 0), trial_(2 * static_cast<std::size_t>(joints_)) {
     towards_slope_.stage[0] = slope;
   }
 
@@ -64,6 +64,7 @@ class ErrorControlledStep : public AdaptiveStep {
     actuator_ = actuator, again_ = again;
     const bool continued = !again && length > 0.0 && whole_;
     whole_ = open_ = false;
+    stages_.start(base);
     Outcome outcome = begin(base, continued, joint);
     if (outcome != Outcome::good) return outcome;
     const bool given = again || fixed_ > 0.0;

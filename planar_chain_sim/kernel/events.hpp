@@ -256,6 +256,7 @@ class EventDriven final : public Integrator {
   int accelerate(const JointState& moved) {
     of_moved_.resize(part_.joints.size()), work_.assign(driven_.begin(), driven_.end());
     part_.forces.add_passive(moved.position.data(), moved.velocity.data(), work_.data());
+    part_.forces.add_wrenches(moved.position.data(), moved.position_remainder.data(), work_.data());
     return form_->forward(moved.position.data(), moved.velocity.data(), work_.data(), of_moved_.data());
   }
 

@@ -10,16 +10,18 @@
 
 #include "integrators.hpp"
 #include "runge_kutta.hpp"
+#include "whole_turns.hpp"
 
 namespace planar_chain {
 
 class Gauss final : public FixedStep {
  public:
-  Gauss(Form& form, const JointForces& forces, int joints, const Tableau& tableau, double step)
-      : FixedStep(forces, joints, step), form_(form), length_(step), joints_(joints), stages_(tableau.stages), a_(tableau.a),
-        b_(tableau.b), a_position_(a_.size()), b_position_(b_.size()), node_(b_.size()),
-        accelerations_(static_cast<std::size_t>(stages_) * joints), held_(joints), past_(2 * accelerations_.size()),
-        position_(joints), velocity_(joints), effort_(joints), acceleration_(joints) {
+  Gauss(const Chain& chain, Form& form, const JointForces& forces, const Tableau& tableau, double step)
+      : FixedStep(forces, chain.joint_count, step), form_(form), turns_(chain), length_(step), joints_(chain.joint_count),
+        stages_(tableau.stages), a_(tableau.a), b_(tableau.b), a_position_(a_.size()), b_position_(b_.size()),
+        node_(b_.size()), accelerations_(static_cast<std::size_t>(stages_) * joints_), held_(joints_),
+        past_(2 * accelerations_.size()), position_(joints_), way_(joints_), velocity_(joints_), effort_(joints_),
+        acceleration_(joints_) {
     for (int i = 0; i < stages_; ++i)
       for (int l = 0; l < stages_; ++l) {
         node_[i] += a_[i * stages_ + l];
@@ -48,7 +50,7 @@ class Gauss final : public FixedStep {
  protected:
   Outcome step(const JointState& state, const double* actuator, double length, JointState& next, int& joint) override {
     if (length != tick_length_) known_ = 0;  // stages of whole steps say nothing of a part
-    length_ = length;
+    length_ = length, far_ = turns_.find(state.position.data());
     Outcome outcome = guess(state, actuator, joint);
     if (outcome != Outcome::good) return outcome;
     double before = 0.0;
@@ -103,7 +105,8 @@ class Gauss final : public FixedStep {
         }
       return Outcome::good;
     }
-    const Outcome outcome = evaluate(state.position.data(), state.velocity.data(), actuator, joint);
+    position_ = state.position, way_ = state.position_remainder, velocity_ = state.velocity;
+    const Outcome outcome = evaluate(state, actuator, joint);
     for (int i = 0; i < stages_; ++i)
       std::memcpy(row(accelerations_, i), acceleration_.data(), joints_ * sizeof(double));
     return outcome;
@@ -129,10 +132,11 @@ class Gauss final : public FixedStep {
           rate += a_[i * stages_ + l] * row(accelerations_, l)[k];
         }
         const double turned = length_ * (node_[i] * state.velocity[k] + length_ * place);
-        position_[k] = state.position[k] + (turned + state.position_remainder[k]);
+        way_[k] = turned + state.position_remainder[k];
+        position_[k] = state.position[k] + way_[k];
         velocity_[k] = state.velocity[k] + (length_ * rate + state.velocity_remainder[k]);
       }
-      const Outcome outcome = evaluate(position_.data(), velocity_.data(), actuator, joint);
+      const Outcome outcome = evaluate(state, actuator, joint);
       if (outcome != Outcome::good) return outcome;
       for (int k = 0; k < joints_; ++k) {
         double& kept = row(accelerations_, i)[k];
@@ -146,12 +150,15 @@ class Gauss final : public FixedStep {
     return Outcome::good;
   }
 
-  Outcome evaluate(const double* position, const double* velocity, const double* actuator, int& joint) {
+  // At position_, `way_` from that of the state, and velocity_.
+  Outcome evaluate(const JointState& state, const double* actuator, int& joint) {
     for (int k = 0; k < joints_; ++k) effort_[k] = actuator[k];
-    forces_.add_passive(position, velocity, effort_.data());
+    forces_.add_passive(position_.data(), velocity_.data(), effort_.data());
     ++counts.evaluations;
-    joint = form_.forward(position, velocity, effort_.data(), acceleration_.data());
-    return joint < 0 ? Outcome::good : singular_or_not_finite(position, joints_);
+    if (far_) turns_.leave_out(state.position.data(), way_.data(), position_.data());
+    forces_.add_wrenches(position_.data(), nullptr, effort_.data());
+    joint = form_.forward(position_.data(), velocity_.data(), effort_.data(), acceleration_.data());
+    return joint < 0 ? Outcome::good : singular_or_not_finite(position_.data(), joints_);
   }
 
   // q_1 = q_0 + h v_0 + h^2 b^T A f,  v_1 = v_0 + h b^T f
@@ -174,13 +181,15 @@ class Gauss final : public FixedStep {
   static constexpr int most_rounds = 100, most_past = 2;
 
   Form& form_;
+  WholeTurns<double> turns_;
+  bool far_ = false;  // whether any joint has many turns behind it
   double length_;
   const int joints_, stages_;
   const std::vector<double> a_, b_;
   std::vector<double> a_position_, b_position_, node_;
   std::vector<std::vector<double>> ahead_;
   std::vector<double> accelerations_, held_, past_;  // stages; the effort of the last steps; their stages
-  std::vector<double> position_, velocity_, effort_, acceleration_;
+  std::vector<double> position_, way_, velocity_, effort_, acceleration_;
   int known_ = 0;  // how many steps past_ holds
   int worst_ = 0;
 };

@@ -137,6 +137,7 @@ class Holding {
   bool factorise(const JointState& state, const double* held, Progress& progress) {
     std::copy_n(held, joints_, effort_.begin());
     forces_.add_passive(state.position.data(), state.velocity.data(), effort_.data());
+    forces_.add_wrenches(state.position.data(), state.position_remainder.data(), effort_.data());
     const int joint = recursion_.evaluate(state.position.data(), state.velocity.data(), effort_.data(),
                                           acceleration_.data());
     if (joint < 0) return true;

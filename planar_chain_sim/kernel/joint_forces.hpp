@@ -57,13 +57,10 @@ struct JointForcesOf {
   const ChainOf<Real>* chain = nullptr;
 
   // Whether any of them depends on the state.
-  bool passive() const {
-    return !bare && !(dampers.empty() && springs.empty() && frictions.empty() && wrenches.empty());
-  }
+  bool passive() const { return !bare && !(dampers.empty() && springs.empty() && frictions.empty()); }
 
-  // tau += -d theta' - k (theta - theta_0) - tau_c sgn(theta')   (equations.md 4), and what wrenches do. `remainder`: what
-  // positions are beyond double precision.
-  void add_passive(const Real* position, const Real* velocity, Real* effort, const Real* remainder = nullptr) const {
+  // tau += -d theta' - k (theta - theta_0) - tau_c sgn(theta')   (equations.md 4)
+  void add_passive(const Real* position, const Real* velocity, Real* effort) const {
     if constexpr (bare) return;
     for (const auto& law : dampers) effort[law.joint] -= law.damping * velocity[law.joint];
     for (const auto& law : springs) effort[law.joint] -= law.stiffness * (position[law.joint] - law.rest);
@@ -71,12 +68,11 @@ struct JointForcesOf {
       const Real rate = velocity[law.joint], one = 1.0, zero = 0.0;
       effort[law.joint] -= law.friction * select(rate > zero, one, select(rate < zero, -one, zero));
     }
-    add_wrenches(position, remainder, effort);
   }
 
-  void add_wrenches(const Real* position, const Real* remainder, Real* effort) const {
-    if constexpr (lanes_in<Real> == 1)
-      for (const Wrench& wrench : wrenches) add_wrench(*chain, wrench, position, remainder, effort);
+  // Whole turns may be left out of positions. `remainder`: what they are beyond double precision, or null.
+  void add_wrenches(const double* position, const double* remainder, double* effort) const {
+    for (const Wrench& wrench : wrenches) add_wrench(*chain, wrench, position, remainder, effort);
   }
 
   // The actuator gives at most its limit, to either side.

@@ -22,8 +22,7 @@ class Rosenbrock final : public ErrorControlledStep {
  public:
   Rosenbrock(const Chain& chain, Form& form, const JointForces& forces, const Tableau& tableau, int order,
              double tick_length, double tolerance, double fixed)
-      : ErrorControlledStep(form, forces, chain.joint_count, order, tick_length, tolerance, fixed, tableau.stages + 1,
-                            tableau.stages),
+      : ErrorControlledStep(chain, form, forces, order, tick_length, tolerance, fixed, tableau.stages + 1, tableau.stages),
         stage_count_(tableau.stages), gamma_(tableau.gamma), a_(rows_of(tableau.a, tableau.stages)),
         c_(rows_of(tableau.c, tableau.stages)), error_(rows_of(tableau.error, tableau.stages)),
         dense_(rows_of(tableau.dense, tableau.stages)), b_(tableau.b, tableau.stages, 0), jacobian_(chain, forces),

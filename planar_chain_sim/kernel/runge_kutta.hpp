@@ -5,6 +5,7 @@
 
 #include "cache_lines.hpp"
 #include "integrators.hpp"
+#include "whole_turns.hpp"
 
 namespace planar_chain {
 
@@ -38,9 +39,13 @@ inline std::vector<Weights> rows_of(const std::vector<double>& matrix, int width
 // Derivatives (q', v') at the stages of a step, a row of 2 x joints each, padded to whole fours.
 class Stages {
  public:
-  Stages(Form& form, const JointForces& forces, int joints, int rows)
-      : form_(form), forces_(forces), joints_(joints), stride_((2 * joints + 3) / 4 * 4),
-        rows_(static_cast<std::size_t>(rows) * stride_), sum_(stride_), position_(joints), effort_(joints) {}
+  Stages(const Chain& chain, Form& form, const JointForces& forces, int rows)
+      : form_(form), forces_(forces), turns_(chain), joints_(chain.joint_count), stride_((2 * joints_ + 3) / 4 * 4),
+        rows_(static_cast<std::size_t>(rows) * stride_), sum_(stride_), position_(joints_), effort_(joints_),
+        way_(joints_) {}
+
+  // Before the first evaluation of a step from `base`.
+  void start(const JointState& base) { far_ = turns_.find(base.position.data()); }
 
   double* row(int stage) { return &rows_[static_cast<std::size_t>(stage) * stride_]; }
 
@@ -68,6 +73,11 @@ class Stages {
       effort_[i] = actuator[i];
     }
     if (forces_.passive()) forces_.add_passive(position_.data(), rate, effort_.data());
+    if (far_) {
+      for (int i = 0; i < joints_; ++i) way_[i] = step * sum[i] + base.position_remainder[i];
+      turns_.leave_out(base.position.data(), way_.data(), position_.data());
+    }
+    forces_.add_wrenches(position_.data(), nullptr, effort_.data());
     joint = form_.forward(position_.data(), rate, effort_.data(), acceleration);
     return joint < 0 ? Outcome::good : singular_or_not_finite(position_.data(), joints_);
   }
@@ -86,18 +96,21 @@ class Stages {
  private:
   Form& form_;
   const JointForces& forces_;
+  WholeTurns<double> turns_;
+  bool far_ = false;  // whether any joint has many turns behind it
   const int joints_, stride_;
-  AlignedVector<double> rows_, sum_, position_, effort_;
+  AlignedVector<double> rows_, sum_, position_, effort_, way_;
 };
 
 class ExplicitRungeKutta final : public FixedStep {
  public:
-  ExplicitRungeKutta(Form& form, const JointForces& forces, int joints, const Tableau& tableau, double step)
-      : FixedStep(forces, joints, step), a_(rows_of(tableau.a, tableau.stages)),
-        b_(tableau.b, tableau.stages, 0), stages_(form, forces, joints, tableau.stages) {}
+  ExplicitRungeKutta(const Chain& chain, Form& form, const JointForces& forces, const Tableau& tableau, double step)
+      : FixedStep(forces, chain.joint_count, step), a_(rows_of(tableau.a, tableau.stages)),
+        b_(tableau.b, tableau.stages, 0), stages_(chain, form, forces, tableau.stages) {}
 
  protected:
   Outcome step(const JointState& state, const double* actuator, double length, JointState& next, int& joint) override {
+    stages_.start(state);
     for (int stage = 0; stage < static_cast<int>(a_.size()); ++stage) {
       ++counts.evaluations;
       const Outcome outcome = stages_.evaluate(state, length, a_[stage], actuator, stages_.row(stage), joint);

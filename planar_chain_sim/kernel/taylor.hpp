@@ -34,7 +34,8 @@ class Taylor : public AdaptiveStep {
   Outcome expand(const JointState& base, const double* actuator, double& length, double& /*proposal*/, int& joint,
                  bool again) override {
     for (int i = 0; i < joints_; ++i) effort_[i] = actuator[i], velocity_[i] = base.velocity[i];
-    forces_.add_passive(base.position.data(), base.velocity.data(), effort_.data(), base.position_remainder.data());
+    forces_.add_passive(base.position.data(), base.velocity.data(), effort_.data());
+    forces_.add_wrenches(base.position.data(), base.position_remainder.data(), effort_.data());
     ++counts.evaluations;
     joint = expand(base);
     if (joint >= 0) return singular_or_not_finite(base.position.data(), joints_);

@@ -103,7 +103,7 @@ def _chain_and_state(options) -> tuple[Chain, Optional[tuple], str]:
         chain = simulation.chain
         if options.time is not None:
             time, *state = state_at(log, simulation, options.time)
-            return chain, tuple(state), f'at t = {time:g} s of {Path(options.chain).name}'
+            return simulation.chain, tuple(state), f'at t = {time:g} s of {Path(options.chain).name}'
     else:
         chain = load_chain(options.chain)
         if options.time is not None:
