@@ -25,7 +25,7 @@ class EnergyBalance:
 
     def __init__(self, chain: Chain, step: float, position, velocity):
         self._step, self._forces = step, {}   # index of a body -> force and moment on it over each tick
-        self._position, self._velocity, self._effort = (np.empty((ROWS + 1, chain.joint_count)) for _ in range(3))
+        self._rows = np.empty((ROWS + 1, 3, chain.joint_count))   # position, velocity, effort
         self.restart(chain, position, velocity)
 
     def restart(self, chain: Chain, position, velocity) -> None:
@@ -33,7 +33,7 @@ class EnergyBalance:
         self._chain, self._count = chain, 0
         self._damping = np.array([joint.damping for joint in chain.joints])
         self._friction = np.array([joint.friction for joint in chain.joints])
-        self._position[0], self._velocity[0] = position, velocity
+        self._rows[0, :2] = position, velocity
         self._start = sum(energy(chain, position, velocity))
         self._work = self._loss = self.error = 0.0
         self.size = max(abs(self._start), 1e-300)
@@ -48,12 +48,11 @@ class EnergyBalance:
         """Take all forces and moments away; what they did since the last fold() is forgotten, so restart() next."""
         self._forces.clear()
 
-    def add(self, position, velocity, effort) -> None:
-        """Take the end of one more tick and the effort (joints,) that acted over it."""
+    def add(self, numbers) -> None:
+        """Take position and velocity at the end of one more tick and the effort that acted over it, (3, joints)."""
         self._count += 1
-        row = self._count
-        self._position[row], self._velocity[row], self._effort[row] = position, velocity, effort
-        if row == ROWS:
+        self._rows[self._count] = numbers
+        if self._count == ROWS:
             self.fold()
 
     def fold(self) -> None:
@@ -63,10 +62,10 @@ class EnergyBalance:
 
     def _fold(self) -> None:
         count = self._count
-        position, velocity = self._position[:count + 1], self._velocity[:count + 1]
+        position, velocity, effort = self._rows[:count + 1].transpose(1, 0, 2)
         travel = np.diff(position, axis=0)
         middle = 1.5 / self._step * travel - 0.25 * (velocity[1:] + velocity[:-1])
-        self._work += float((self._effort[1:count + 1] * travel).sum())
+        self._work += float((effort[1:] * travel).sum())
         for index, (force, moment) in self._forces.items():
             self._work += self._work_of(index, force[1:count + 1], moment[1:count + 1], position, velocity)
             force[:], moment[:] = force[-1], moment[-1]
@@ -75,7 +74,7 @@ class EnergyBalance:
         kinetic, potential = energy(self._chain, position[-1], velocity[-1])
         self.error = kinetic + potential - self._start - self._work + self._loss
         self.size = max(self.size, kinetic, abs(potential), abs(self._work), self._loss)
-        self._position[0], self._velocity[0], self._count = position[-1].copy(), velocity[-1].copy(), 0
+        self._rows[0], self._count = self._rows[count].copy(), 0
 
     def _work_of(self, index: int, force, moment, position, velocity) -> float:
         """Return the work of a wrench on a body, J, over the ticks between rows of joint states."""

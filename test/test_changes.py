@@ -104,7 +104,7 @@ def balance_of(chain, method, step, ticks, effort=None):
     balance = EnergyBalance(chain, step, simulation.position, simulation.velocity)
     for _ in range(ticks):
         simulation.advance(1, effort)
-        balance.add(simulation.position, simulation.velocity, simulation.effort)
+        balance.add([simulation.position, simulation.velocity, simulation.effort])
     balance.fold()
     return balance
 
@@ -130,7 +130,7 @@ def test_the_work_of_a_wrench_is_balanced():
                 simulation.set_wrench(body, force, moment)
                 balance.push(body, force, moment)
             simulation.advance(1)
-            balance.add(simulation.position, simulation.velocity, simulation.effort)
+            balance.add([simulation.position, simulation.velocity, simulation.effort])
         balance.fold()
         assert balance.size > 1.0
         return abs(balance.error) / balance.size

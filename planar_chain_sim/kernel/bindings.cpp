@@ -5,12 +5,14 @@
 #include <pybind11/stl.h>
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <complex>
 #include <functional>
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <tuple>
 
 #include "chain.hpp"
@@ -36,6 +38,22 @@ namespace {
 
 Array make_array(const std::vector<double>& values) {
   return Array(static_cast<py::ssize_t>(values.size()), values.data());
+}
+
+// Finite numbers as a JSON list, each with the fewest digits that give it back: what `str(values.tolist())` says.
+std::string json_list(const Array& values) {
+#ifdef __cpp_lib_to_chars
+  std::string text = "[";
+  char digits[32];
+  for (py::ssize_t k = 0; k < values.size(); ++k) {
+    const std::string_view number(digits, std::to_chars(digits, digits + sizeof digits, values.data()[k]).ptr - digits);
+    text.append(k ? ", " : "").append(number);
+    if (number.find_first_of(".e") == number.npos) text += ".0";
+  }
+  return text + "]";
+#else
+  return py::str(values.attr("tolist")());
+#endif
 }
 
 // Const data of one chain plus a workspace for single evaluations (used under the GIL only).
@@ -482,5 +500,6 @@ PYBIND11_MODULE(_kernel, module) {
       .def("take_events", &Stepper::take_events);
 
   module.def("roll_batch", &roll_batch);
+  module.def("json_list", &json_list);
   module.def("vector_widths", &pc::vector_widths);
 }

@@ -50,8 +50,8 @@ class JointStateLayout:
     """
     One sensor_msgs/msg/JointState of fixed names and frame, laid out once and patched in place for every tick.
 
-    position, velocity, effort: float64 views (joints,) into the message; SI units. Alignment gaps are zero, so equal
-    states give equal bytes. CdrError on a name or frame_id that holds a NUL or is no Unicode text.
+    position, velocity, effort: float64 views (joints,) into the message, numbers: one of all three (3, joints); SI
+    units. Alignment gaps are zero, so equal states give equal bytes. CdrError on a name or frame_id that holds a NUL or is no Unicode text.
     """
 
     def __init__(self, joint_names: Sequence[str], frame_id: str = ''):
@@ -67,8 +67,8 @@ class JointStateLayout:
         memory = np.frombuffer(bytearray(4) + _ENCAPSULATION + body, np.uint8)
         self._message = memory[4:]
         self._seconds, self._nanoseconds = memory[8:12].view('<i4').data, memory[12:16].view('<u4').data
-        self.position, self.velocity, self.effort = (
-            memory[8 + start:8 + start + 8 * joints].view('<f8') for start in starts)
+        self.numbers = np.ndarray((3, joints), '<f8', memory, 8 + starts[0], (starts[1] - starts[0], 8))
+        self.position, self.velocity, self.effort = self.numbers
 
     def set_stamp(self, nanoseconds: int) -> None:
         """Put the time (int, ns) into header.stamp; CdrError where its seconds do not fit into an int32."""

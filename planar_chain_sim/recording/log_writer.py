@@ -45,9 +45,7 @@ class LogWriter:
         self._check(flush_period, compression)
         self.flush_period = flush_period
         self._file = self._create()
-        self._failure = None
-        self._counts = {}
-        self._start_time = self._last_time = 0
+        self._failure, self._last_time = None, 0
         try:
             self._mcap = McapFile(self._file, 'ros2', 'planar_chain_sim', COMPRESSIONS[compression])
             self._begin(attachments or {}, metadata or {})
@@ -75,17 +73,15 @@ class LogWriter:
         if channel_id is None:
             raise LogError(f'log {str(self.path)!r}: topic {topic!r} has no channel, must be one of '
                            f'{", ".join(self._channel_ids)}')
-        log_time = max(log_time_ns, self._last_time)
+        if log_time_ns < self._last_time:
+            log_time_ns = self._last_time
         try:
-            self._mcap.add_message(channel_id, log_time, data, publish_time_ns, sequence & 0xFFFFFFFF)
+            self._mcap.add_message(channel_id, log_time_ns, data, publish_time_ns, sequence & 0xFFFFFFFF)
         except OSError as error:
             raise self._fail(error.strerror or str(error)) from None
         except Exception as error:
             raise self._fail(f'{topic} got a message that cannot be stored ({error})') from None
-        if not self._counts:
-            self._start_time = log_time
-        self._last_time = log_time
-        self._counts[topic] = self._counts.get(topic, 0) + 1
+        self._last_time = log_time_ns
         if monotonic() >= self.flush_due:
             self.flush()
 
@@ -158,8 +154,10 @@ class LogWriter:
                                                                 channel_metadata(channel))
 
     def _bag_information(self) -> dict:
-        first, last = (self._start_time, self._last_time) if self._counts else (NO_TIME, NO_TIME)
-        return {'serialized_metadata': bag_information(self.path.name, self._channels, self._counts, first, last)}
+        mcap, channels = self._mcap, self._channels
+        counts = {channel.topic: mcap.counts.get(number, 0) for number, channel in enumerate(channels, 1)}
+        first, last = (mcap.first_time, mcap.last_time) if mcap.counts else (NO_TIME, NO_TIME)
+        return {'serialized_metadata': bag_information(self.path.name, channels, counts, first, last)}
 
     def _fail(self, reason: str) -> LogError:
         """Give the file up as it stands on the disk, where it is readable up to its last whole chunk."""
@@ -230,7 +228,8 @@ class BackgroundLogWriter:
                 self._writer.flush()
 
     def _drain(self) -> None:
-        for index in range(1, len(self._queue) + 1):
-            self._writer.write(*self._queue.popleft())
+        queue, write = self._queue, self._writer.write
+        for index in range(1, len(queue) + 1):
+            write(*queue.popleft())
             if index % _BATCH == 0:
                 sleep(_PAUSE)

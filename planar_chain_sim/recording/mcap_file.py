@@ -46,7 +46,8 @@ class McapFile:
     """
     Writes into a binary stream that begins here; `compression` of chunks: '', 'lz4' or 'zstd'.
 
-    Messages come with log times that never go back. Channels are numbered from 1, as they are added.
+    Messages come with log times that never go back. Channels are numbered from 1, as they are added. counts: channel ->
+    messages in closed chunks, first_time, last_time: log times of the first and the last of them.
     """
 
     def __init__(self, stream, profile: str, library: str, compression: str = ''):
@@ -54,8 +55,7 @@ class McapFile:
         self._schemas, self._channels, self._side_indexes = [], [], {Opcode.ATTACHMENT_INDEX: [],
                                                                      Opcode.METADATA_INDEX: []}
         self._chunk_indexes, self._chunk_count = bytearray(), 0
-        self._counts = {}                                # channel -> messages in closed chunks
-        self._first_time = self._last_time = 0
+        self.counts, self.first_time, self.last_time = {}, 0, 0
         self._parts, self._size, self._places = [], 0, {}   # of the chunk in the making; channel -> [time, offset, ...]
         stream.write(MAGIC + _encoded(records.Header(profile, f'{library} {LIBRARY_IDENTIFIER}')))
 
@@ -111,10 +111,10 @@ class McapFile:
         """Write the end of the data, the summary and the end of the file; the stream stays open."""
         self.close_chunk()
         self._stream.write(_encoded(records.DataEnd(0)))
-        counts = self._counts
+        counts = self.counts
         statistics = records.Statistics(
             len(self._side_indexes[Opcode.ATTACHMENT_INDEX]), len(self._channels), counts, self._chunk_count,
-            sum(counts.values()), self._last_time, self._first_time, len(self._side_indexes[Opcode.METADATA_INDEX]),
+            sum(counts.values()), self.last_time, self.first_time, len(self._side_indexes[Opcode.METADATA_INDEX]),
             len(self._schemas))
         groups = {Opcode.SCHEMA: b''.join(self._schemas), Opcode.CHANNEL: b''.join(self._channels),
                   Opcode.STATISTICS: _encoded(statistics), Opcode.CHUNK_INDEX: bytes(self._chunk_indexes),
@@ -155,11 +155,11 @@ class McapFile:
             entries = np.array(times, '<u8').tobytes()
             indexes += _LENGTH.pack(Opcode.MESSAGE_INDEX, _INDEX.size + len(entries))
             indexes += _INDEX.pack(channel, len(entries)) + entries
-            self._counts[channel] = self._counts.get(channel, 0) + len(times) // 2
+            self.counts[channel] = self.counts.get(channel, 0) + len(times) // 2
         stream.write(indexes)
         self._chunk_indexes += _encoded(records.ChunkIndex(
             end - start, start, self._compression, len(stored), last, len(indexes), offsets, first, len(data)))
-        self._first_time = self._first_time if self._chunk_count else first
-        self._last_time = last
+        self.first_time = self.first_time if self._chunk_count else first
+        self.last_time = last
         self._chunk_count += 1
         self._parts, self._size, self._places = [], 0, {}

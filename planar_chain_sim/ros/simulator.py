@@ -18,6 +18,7 @@ from .command_intake import CommandIntake
 from .measurement import Meter
 from .pacing import LONGEST_LATENESS, Pacing, sleep_punctually
 from .publication import Publication
+from .._kernel import json_list
 from ..changes import apply_change, QUANTITIES, to_json
 from ..dynamics import SimulationError
 
@@ -185,8 +186,7 @@ class Simulator:
             return False
         self._tell_joint_events()
         self._show(record=True, publish=publish or not simulation.tick % publication.ticks_per_state)
-        layout = publication.layout
-        self._meter.balance.add(layout.position, layout.velocity, layout.effort)
+        self._meter.balance.add(publication.layout.numbers)
         return True
 
     def _tell_joint_events(self) -> None:
@@ -227,7 +227,7 @@ class Simulator:
         """Tell the efforts that act from now on, where a command on `topic` has changed them."""
         if topic:
             # Up to once a tick, so written by hand: json.dumps takes as long as the whole motion. Floats are the same.
-            self._publication.tell('command', '{"topic": "%s", "effort": %s}' % (topic, self._held.effort.tolist()))
+            self._publication.tell('command', '{"topic": "%s", "effort": %s}' % (topic, json_list(self._held.effort)))
 
     def _look(self) -> None:
         """Look at what needs no look at every tick: is there still a controller, is there still a log."""
