@@ -8,6 +8,8 @@
 #include <charconv>
 #include <cmath>
 #include <complex>
+#include <cstdint>
+#include <cstring>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -54,6 +56,29 @@ std::string json_list(const Array& values) {
 #else
   return py::str(values.attr("tolist")());
 #endif
+}
+
+// The command that comes at nearly every tick, a std_msgs/msg/Float64MultiArray (CDR) without dimensions: where it has a
+// finite effort for each joint, they are put into `effort`, and the event that tells so is returned, a
+// std_msgs/msg/String. None for any other message, which is Python's to judge; it would take ten times as long for this.
+py::object plain_command(const py::bytes& data, Array& effort, long long tick, const char* topic) {
+  const std::string_view message = data;
+  const auto joints = static_cast<std::uint32_t>(effort.size());
+  const std::uint32_t head[] = {256, 0, 0, joints};   // encapsulation, no dimensions, data_offset, count; then a gap
+  if (!joints || message.size() < 20 + 8 * std::size_t(joints) || std::memcmp(message.data(), head, sizeof head))
+    return py::none();
+  std::vector<double> values(joints);
+  std::memcpy(values.data(), message.data() + 20, 8 * std::size_t(joints));
+  if (!std::all_of(values.begin(), values.end(), [](double value) { return std::isfinite(value); }))
+    return py::none();
+  std::copy(values.begin(), values.end(), effort.mutable_data());
+  std::string told(8, '\0');
+  told += "{\"tick\": " + std::to_string(tick) + ", \"kind\": \"command\", \"data\": {\"topic\": \"" + topic
+          + "\", \"effort\": " + json_list(effort) + "}}";
+  told += '\0';
+  const std::uint32_t start[] = {256, static_cast<std::uint32_t>(told.size() - 8)};
+  std::memcpy(&told[0], start, sizeof start);
+  return py::bytes(told);
 }
 
 // Const data of one chain plus a workspace for single evaluations (used under the GIL only).
@@ -501,5 +526,6 @@ PYBIND11_MODULE(_kernel, module) {
 
   module.def("roll_batch", &roll_batch);
   module.def("json_list", &json_list);
+  module.def("plain_command", &plain_command);
   module.def("vector_widths", &pc::vector_widths);
 }

@@ -51,7 +51,8 @@ class JointStateLayout:
     One sensor_msgs/msg/JointState of fixed names and frame, laid out once and patched in place for every tick.
 
     position, velocity, effort: float64 views (joints,) into the message, numbers: one of all three (3, joints); SI
-    units. Alignment gaps are zero, so equal states give equal bytes. CdrError on a name or frame_id that holds a NUL or is no Unicode text.
+    units. Alignment gaps are zero, so equal states give equal bytes. CdrError on a name or frame_id that holds a NUL or
+    is no Unicode text.
     """
 
     def __init__(self, joint_names: Sequence[str], frame_id: str = ''):

@@ -12,6 +12,7 @@ from .answers import Answers
 from .commands import CommandError, CommandReader, HeldEffort, LONGEST_MESSAGE
 from .messages import COMMANDS, INPUTS
 from .wrenches import WrenchReader
+from .._kernel import plain_command
 
 
 class CommandIntake:
@@ -67,7 +68,7 @@ class CommandIntake:
 
     def latch(self, tick: int, answers: Optional[Answers] = None) -> Optional[str]:
         """
-        Take what has come; return the topic of the newest command that acts from `tick` on, None where none does.
+        Take what has come; return the topic of the newest command that acts from `tick` on and is not told of yet.
 
         The newest command of each joint acts, in lockstep the first that answers the state outstanding.
         """
@@ -76,6 +77,12 @@ class CommandIntake:
             self._read_wrenches()
         if not arrived:
             return None
+        if len(arrived) == 1 and not answers and arrived[0][1] == 'commands':
+            event = plain_command(arrived[0][2], self.held.effort, tick, self._topics['commands'])
+            if event:
+                self.held.renew(tick)
+                self._publication.tell_message(event)
+                return None
         acting, rejected, settled = [], {}, set()
         for received, key, data in arrived if answers else reversed(arrived):
             try:

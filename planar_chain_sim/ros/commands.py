@@ -1,9 +1,7 @@
 """Effort commands: what a message asks of which joint, what is refused, and the efforts held until the next one."""
 from __future__ import annotations
 
-from functools import partial
 from math import isfinite
-from struct import Struct
 from typing import NamedTuple, Optional, Sequence
 
 import numpy as np
@@ -95,20 +93,20 @@ class HeldEffort:
     """
 
     def __init__(self, joints: int):
-        self.effort, self._all = np.zeros(joints), range(joints)
-        self._put = partial(Struct(f'={joints}d').pack_into, self.effort.data, 0)  # NumPy takes longer over a tuple
+        self.effort = np.zeros(joints)
         self._since = [None] * joints  # tick of the joint's last command
         self.commanded = False
 
     def hold(self, command: Command, tick: int) -> None:
         """Hold a command from `tick` on; a joint it does not name keeps its effort."""
-        if command.joints == self._all:
-            self._put(*command.efforts)
-            self._since = [tick] * len(self._all)
-        else:
-            for joint, value in zip(command.joints, command.efforts):
-                self.effort[joint] = value
-                self._since[joint] = tick
+        for joint, value in zip(command.joints, command.efforts):
+            self.effort[joint] = value
+            self._since[joint] = tick
+        self.commanded = True
+
+    def renew(self, tick: int) -> None:
+        """Hold what has been put into `effort`, a command of every joint, from `tick` on."""
+        self._since = [tick] * len(self._since)
         self.commanded = True
 
     def clear(self) -> None:

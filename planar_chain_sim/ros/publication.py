@@ -78,7 +78,10 @@ class Publication:
         `tick`: the present one where None.
         """
         tick = self._simulation.tick if tick is None else tick
-        message = encode_string('{"tick": %d, "kind": "%s", "data": %s}' % (tick, kind, data))
+        self.tell_message(encode_string('{"tick": %d, "kind": "%s", "data": %s}' % (tick, kind, data)))
+
+    def tell_message(self, message: bytes) -> None:
+        """Do as tell() does with an event that is encoded already."""
         self._waiting.append(message)
         if self._log:
             now = self._pacing.wall(monotonic_ns())
