@@ -15,6 +15,7 @@ import yaml
 
 from planar_chain_sim.recording.cdr import decode_joint_state
 from planar_chain_sim.recording.log_writer import COMPRESSIONS
+from planar_chain_sim.recording.mcap_file import MAGIC
 from planar_chain_sim.recording.message_types import MESSAGE_TYPES
 
 
@@ -79,7 +80,16 @@ def test_the_container_is_what_the_specification_wants(finished):
             assert (metadata.name, length) == (index.name, index.length)
 
         file.seek(0)
-        assert len(list(StreamReader(file, validate_crcs=True).records)) > len(messages)
+        found = list(StreamReader(file, validate_crcs=True).records)
+        assert len(found) > len(messages)
+
+    # The summary says of itself where its groups are, and sums itself up.
+    data, footer = path.read_bytes(), found[-1]
+    assert footer.summary_crc == zlib.crc32(data[footer.summary_start:-len(MAGIC) - 4])
+    groups = [record for record in found if isinstance(record, records.SummaryOffset)]
+    assert [group.group_opcode for group in groups] == [data[group.group_start] for group in groups]
+    ends = [group.group_start + group.group_length for group in groups]
+    assert [footer.summary_start, *ends] == [*(group.group_start for group in groups), footer.summary_offset_start]
 
     counts = {channel.topic: sum(message.topic == channel.topic for message in messages) for channel in CHANNELS}
     statistics = summary.statistics
