@@ -52,7 +52,8 @@ bench: $(BENCH_READY)
 # 1e5 commands, ten minutes under full load.
 soak: $(BENCH_READY) $(TEST_READY)
 	@mkdir -p $(BENCH_FOLDER)
-	$(VENV)/bin/benchmark stability --csv $(BENCH_FOLDER)/stability.csv --peers MuJoCo
+	$(VENV)/bin/benchmark stability --csv $(BENCH_FOLDER)/stability.csv --picture $(BENCH_FOLDER)/stability.png \
+	  --peers MuJoCo
 	SOAK=20 $(PY) -m pytest test/test_node_process.py test/test_neighbours.py -k 'stop_signal or flood'
 	$(PY) -m planar_chain_sim.benchmark.soak --rate 1000 --seconds 600
 	$(PY) -m planar_chain_sim.benchmark.soak --rate 2000 5000 --seconds 60

@@ -21,12 +21,16 @@ J                       J               (bodies,)           inertia about the jo
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fractions import Fraction
 
 import numpy as np
 
 from .chain import Chain
 from .joint_forces import passive_effort
 from .path_matrix import incidence_matrix, motion_of_joints, path_matrix, shared_mass_matrix
+
+
+TURN = 2 * Fraction('3.14159265358979323846264338327950288419716939937510582097494459')
 
 
 def _dot(left, A, right):
@@ -85,6 +89,12 @@ def absolute_equations(chain: Chain, phi, dphi, x, dx) -> AbsoluteEquations:
                              np.concatenate([bias_phi, bias_x]), np.concatenate([gravity_phi, gravity_x]))
 
 
+def _without_whole_turns(chain: Chain, position) -> np.ndarray:
+    """Leave whole turns out of angles, so that the sums of them lose nothing."""
+    return np.array([float(Fraction(q) - TURN * round(Fraction(q) / TURN)) if joint.kind == 'rotation' and abs(q) > 8.0
+                     else q for joint, q in zip(chain.joints, position)])
+
+
 def joint_equations(chain: Chain, position, velocity):
     """
     H (joints, joints) and h (joints,) of H q'' + h = effort: the absolute equations mapped to joint coordinates.
@@ -94,7 +104,7 @@ def joint_equations(chain: Chain, position, velocity):
     """
     G, offset = motion_of_joints(chain)
     bodies = len(chain.bodies)
-    place, rate = G @ position + offset, G @ velocity
+    place, rate = G @ _without_whole_turns(chain, position) + offset, G @ velocity
     equations = absolute_equations(chain, place[:bodies], rate[:bodies], place[bodies:], rate[bodies:])
     H = G.T @ equations.H @ G + np.diag([joint.armature for joint in chain.joints])
     h = G.T @ (equations.bias - equations.gravity) - passive_effort(chain, position, velocity)

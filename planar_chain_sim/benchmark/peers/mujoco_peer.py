@@ -26,21 +26,27 @@ def mujoco_model(chain: Chain, constrained: bool = False):
     `constrained`: with its stops and friction, else without any constraint.
 
     Damping, springs and armature are the joints' own. A slide's axis is in the body's frame there, our carrier's.
+    A massless body that only slides is none there: what it carries has its slide too.
     """
     import mujoco
     spec = mujoco.MjSpec()
     spec.compiler.degree = False   # of springref
     spec.option.gravity = _in_space(chain.gravity)
-    made = []
-    for body in chain.bodies:
+    made, handed = [], {}
+    for i, body in enumerate(chain.bodies):
         carrier = spec.worldbody if body.carrier < 0 else made[body.carrier]
+        slides = [*handed.get(body.carrier, ()), *([body.slide] if body.slide else ())]
+        if _hands_its_slide_on(chain, i):
+            handed[i] = slides
+            made.append(carrier)
+            continue
         part = carrier.add_body(name=body.name, pos=_in_space(body.origin),
                                 quat=[np.cos(body.angle / 2), 0.0, 0.0, np.sin(body.angle / 2)])
         part.mass, part.ipos, part.inertia = body.mass, _in_space(body.center_of_mass), [body.inertia_com] * 3
         part.explicitinertial = True
-        if body.slide:
-            direction = body.slide.axis - body.angle
-            _add_joint(part, body.slide, mujoco.mjtJoint.mjJNT_SLIDE, [np.cos(direction), np.sin(direction), 0.0])
+        for slide in slides:
+            direction = slide.axis - body.angle
+            _add_joint(part, slide, mujoco.mjtJoint.mjJNT_SLIDE, [np.cos(direction), np.sin(direction), 0.0])
         if body.rotation:
             _add_joint(part, body.rotation, mujoco.mjtJoint.mjJNT_HINGE, [0.0, 0.0, body.rotation.axis])
         made.append(part)
@@ -56,6 +62,12 @@ def mujoco_model(chain: Chain, constrained: bool = False):
     if not any(joint.damping for joint in chain.joints):
         model.opt.disableflags |= off.mjDSBL_DAMPER
     return model
+
+
+def _hands_its_slide_on(chain: Chain, i: int) -> bool:
+    body, carried = chain.bodies[i], [other for other in chain.bodies if other.carrier == i]
+    bare = not (body.rotation or body.mass or body.inertia or body.origin or body.angle)
+    return body.slide is not None and bare and len(carried) == 1 and not carried[0].origin
 
 
 def _add_joint(part, joint, kind, axis) -> None:

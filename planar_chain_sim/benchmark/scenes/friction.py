@@ -1,0 +1,100 @@
+"""Dry friction: an arm held for an hour, stick and slip under a slow ramp."""
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Iterator, Optional
+
+import numpy as np
+
+from . import Check, MuJoCoRun, one_joint
+from .stops import HOUR
+from ...simulation import Simulation
+
+RATE, GRIP = 2.0, 1.0   # N m/s, N m: the ramp, and the friction that it has to overcome
+PERIOD = 4000           # ticks of the ramp up and down
+
+
+def holding(peers: dict, size: float) -> Iterator[Check]:
+    """Hold an arm against gravity by friction for an hour, and let go at the right effort."""
+    chain = one_joint(friction=7.0)
+    simulation = Simulation(chain)
+    simulation.advance(HOUR)
+    theirs = None
+    if 'MuJoCo' in peers:
+        run = MuJoCoRun(chain, 1e-3)
+        run.advance(int(HOUR * size))
+        theirs = abs(run.state[0, 0])
+    yield Check('creep in an hour, rad', 0.0, abs(simulation.position[0]), theirs)
+    ramp = -1e-3 * np.arange(3000)[:, None]
+    simulation.advance(3000, ramp)
+    slipped = next(event for event in simulation.take_events() if event.kind == 'slipped')
+    yield Check('break-away against 2 N m, N m', 1.001e-3, abs(ramp[slipped.tick - HOUR, 0] + 2.0))
+    threshold = Simulation(one_joint(gravity=0j, friction=7.0))
+    wrong = 0
+    for effort, moves in ((7.0, False), (-7.0, False), (np.nextafter(7.0, 8.0), True)):
+        threshold.set_state([0.0], [0.0])
+        threshold.advance(1000, [effort])
+        wrong += bool(threshold.position[0]) != moves
+    yield Check('held at 7 N m and moving at the next number: wrong', 0, wrong)
+
+
+@lru_cache(maxsize=None)
+def stick_and_slip(ticks: int, mujoco: Optional[str] = None) -> tuple[np.ndarray, np.ndarray, list]:
+    """
+    Return efforts (ticks,), states (ticks + 1, 2) and events of a hinge with friction under a ramp.
+
+    Kept, for the picture. `mujoco`: the integrator, None for ours.
+    """
+    phase = (np.arange(ticks) + PERIOD // 4) % PERIOD   # from no effort up
+    efforts = 1e-3 * RATE * (np.minimum(phase, PERIOD - phase) - 0.25 * PERIOD)
+    chain = one_joint(gravity=0j, friction=GRIP)
+    run = MuJoCoRun(chain, 1e-3, mujoco) if mujoco else Simulation(chain)
+    states = np.empty((ticks + 1, 2))
+    states[0] = 0.0
+    for tick, effort in enumerate(efforts):
+        run.advance(1, np.array([effort]))
+        states[tick + 1] = run.state[:, 0] if mujoco else (run.position[0], run.velocity[0])
+    return efforts, states, [] if mujoco else run.take_events()
+
+
+def ramp(peers: dict, size: float) -> Iterator[Check]:
+    """Drive a hinge with friction by a slow ramp up and down: it sticks, slips at the right effort, sticks again."""
+    ticks = max(2 * PERIOD, int(10 * PERIOD * size))
+    efforts, states, events = stick_and_slip(ticks)
+    exact, standing, slips = _stick_and_slip_exact(efforts)
+    found = [event.tick for event in events if event.kind == 'slipped']
+    theirs = None
+    if 'MuJoCo' in peers:
+        theirs = stick_and_slip(ticks, 'implicitfast')[1]
+    moved = np.abs(np.diff(states[:, 0]))[standing]
+    yield Check(f'{standing.sum()} ticks that it stands: largest motion in one, rad', 0.0, moved.max(),
+                None if theirs is None else np.abs(np.diff(theirs[:, 0]))[standing].max())
+    yield Check(f'{len(slips)} times it breaks away: ticks at which it does not, and should, or should not', 0,
+                len(set(found) ^ set(slips)))
+    yield Check(f'position over {ticks * 1e-3:g} s against the closed form, rad', 1e-10,
+                np.abs(states[:, 0] - exact).max(), None if theirs is None else np.abs(theirs[:, 0] - exact).max())
+
+
+def _stick_and_slip_exact(efforts: np.ndarray) -> tuple[np.ndarray, np.ndarray, list]:
+    """Return positions, which ticks it stands throughout, and at which it breaks away: parabolas, 1 kg m^2."""
+    position, velocity = 0.0, 0.0
+    positions, standing, slips = [position], np.zeros(len(efforts), bool), []
+    for tick, effort in enumerate(efforts):
+        left = 1e-3
+        if velocity == 0.0:
+            if abs(effort) <= GRIP:
+                standing[tick] = True
+                positions.append(position)
+                continue
+            slips.append(tick)
+            acceleration = effort - np.copysign(GRIP, effort)
+        else:
+            acceleration = effort - np.copysign(GRIP, velocity)
+        if velocity and velocity * (velocity + acceleration * left) <= 0.0:   # it comes to rest within the tick
+            rest = -velocity / acceleration
+            position, velocity, left = position + 0.5 * velocity * rest, 0.0, left - rest
+            acceleration = 0.0 if abs(effort) <= GRIP else effort - np.copysign(GRIP, effort)
+        position += velocity * left + 0.5 * acceleration * left**2
+        velocity += acceleration * left
+        positions.append(position)
+    return np.array(positions), standing, slips
