@@ -7,6 +7,7 @@ from random_trees import random_tree
 
 import planar_chain_sim as pcs
 from planar_chain_sim import _kernel
+from planar_chain_sim.benchmark.problems import uniform_rods
 from planar_chain_sim.plan import damping_rate, plan_of
 from planar_chain_sim.simulation import initial_state
 
@@ -163,3 +164,16 @@ def test_auto_takes_the_method_for_stiff_joints_where_damping_is_stiff(damping, 
     assert damping_rate(chain) == pytest.approx(fastest, rel=0.05, abs=1e-12)
     simulation.advance(200)
     assert simulation.statistics['steps'] < 600
+
+
+@pytest.mark.parametrize('links', [1, 2, 3, 12])
+def test_terms_that_symmetry_takes_away_do_not_lengthen_a_step(links):
+    """Straight, across and at rest only every fourth term is there; a little off it, the others are small."""
+    for power in range(2, 17):
+        for off in (0.0, 1e-6):
+            simulation = pcs.Simulation(uniform_rods(links), 'taylor', tolerance=10.0**-power)
+            simulation.set_state([off] + [0.0] * (links - 1), np.zeros(links))
+            before = sum(pcs.energy(simulation.chain, simulation.position, simulation.velocity))
+            simulation.advance(1000)
+            after = sum(pcs.energy(simulation.chain, simulation.position, simulation.velocity))
+            assert abs(after - before) < 10.0 * 10.0**-power + 1e-13

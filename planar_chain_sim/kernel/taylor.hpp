@@ -85,23 +85,32 @@ class Taylor : public AdaptiveStep {
   JointState near_;
   static double larger(double a, double b) { return a > b ? a : b; }
 
-  // Length at which the last two terms of positions and velocities are within tolerance * max(1, |value|).
+  // Length at which the last two terms of positions and velocities are within tolerance * max(1, |value|). In a motion
+  // from rest, say, only every second or fourth term is there, and the last ones that are not tell nothing: so some more
+  // are looked at, for the radius within which the series converges as fast as the tolerance asks for, tolerance^(1/n).
   double step_length(const JointState& base) {
-    double last = 0.0, before = 0.0, nothing = 0.0;
-    const double *v = velocity(order_), *u = v - stride_, *t = u - stride_;
+    double size[looked_at] = {}, nothing = 0.0;
     for (int i = 0; i < joints_; ++i) {
       const double rate = 1.0 / larger(1.0, std::fabs(base.velocity[i]));
       const double place = 1.0 / larger(1.0, size_of_position(i, base));
-      last = larger(larger(std::fabs(v[i]) * rate, std::fabs(u[i]) * inverse_[order_] * place), last);
-      nothing += v[i] - v[i];  // a coefficient that is no number
-      before = larger(larger(std::fabs(u[i]) * rate, std::fabs(t[i]) * inverse_[order_ - 1] * place), before);
+      const double* v = velocity(order_) + i;
+      for (int back = 0; back < looked_at; ++back, v -= stride_) {
+        const double way = std::fabs(*(v - stride_)) * inverse_[order_ - back] * place;
+        size[back] = larger(larger(std::fabs(*v) * rate, way), size[back]);
+        nothing += *v - *v;  // a coefficient that is no number
+      }
     }
-    if (!(last + before < 1e300) || nothing != 0.0) return 0.0;
-    const double a = (log_tolerance_ - rough_log2(larger(last, 1e-300))) * inverse_[order_];
-    const double b = (log_tolerance_ - rough_log2(larger(before, 1e-300))) * inverse_[order_ - 1];
-    return rough_power_of_2(a < b ? a : b);
+    double total = 0.0, log_length = 1e300;
+    for (int back = 0; back < looked_at; ++back) {
+      total += size[back];
+      const double inverse = inverse_[order_ - back], log_size = rough_log2(larger(size[back], 1e-300)) * inverse;
+      const double log_part = log_tolerance_ * (back < 2 ? inverse : inverse_[order_]) - log_size;
+      if (log_part < log_length) log_length = log_part;
+    }
+    return total < 1e300 && nothing == 0.0 ? rough_power_of_2(log_length) : 0.0;
   }
 
+  static constexpr int looked_at = 6;  // terms
   const double log_tolerance_, fixed_;
 };
 
