@@ -167,9 +167,9 @@ def test_in_lockstep_a_wrench_acts_and_nobody_waits_for_it(chain_file, tmp_path)
         peer.meet()
         publisher = pusher(peer)
         for tick in range(10):
-            if tick == 4:
-                push(peer, publisher, 'cart', x=2.0)
             state = peer.until(lambda: next((s for s in peer.states if stamp_ns(s) == tick * 1_000_000), None))
+            if tick == 4:
+                assert push(peer, publisher, 'cart', x=2.0)['tick'] == 4
             peer.joint_commands.publish(JointState(header=state.header, name=['rail', 'hinge'], effort=[0.0, 0.0]))
         state = peer.until(lambda: next((s for s in peer.states if stamp_ns(s) == 10_000_000), None))
         assert state.velocity[0] == pytest.approx(2.0 / (CART + ROD) * 6e-3)
