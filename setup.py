@@ -44,7 +44,8 @@ setup(
                             '-pthread'],
         extra_link_args=['-pthread'],
     )],
-    package_data={f'{NAME}.benchmark': ['*.cpp', 'peers/*.cpp']},   # compiled when a benchmark needs them
+    package_data={f'{NAME}.benchmark': ['*.cpp', 'peers/*.cpp'],   # compiled when a benchmark needs them
+                  f'{NAME}.ros': ['fast_dds.xml']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),

@@ -3,13 +3,13 @@ EnergyBalance: the energy a run has, against what it had and what went in and ou
 
 The work of an effort that is constant within a tick is tau (q_1 - q_0), exactly. What a law without stored energy takes
 is the integral of d q'^2 over the tick, by Simpson's rule with the middle rate of the cubic that both ends define,
-3/2 (q_1 - q_0)/h - 1/4 (q'_0 + q'_1): an error of O(step^4).
+3/2 (q_1 - q_0)/h - 1/4 (q'_0 + q'_1): an error of O(step^4). So is the work of a force that turns with its body.
 """
 from __future__ import annotations
 
 import numpy as np
 
-from .chain import Chain
+from .chain import BASE, Chain
 from .dynamics import energy
 
 ROWS = 1024  # ticks between two sums
@@ -24,8 +24,8 @@ class EnergyBalance:
     """
 
     def __init__(self, chain: Chain, step: float, position, velocity):
-        self._step = step
-        self._position, self._velocity, self._effort = (np.empty((ROWS + 1, chain.joint_count)) for _ in range(3))
+        self._step, self._forces = step, {}   # index of a body -> force and moment on it over each tick
+        self._rows = np.empty((ROWS + 1, 3, chain.joint_count))   # position, velocity, effort
         self.restart(chain, position, velocity)
 
     def restart(self, chain: Chain, position, velocity) -> None:
@@ -33,17 +33,26 @@ class EnergyBalance:
         self._chain, self._count = chain, 0
         self._damping = np.array([joint.damping for joint in chain.joints])
         self._friction = np.array([joint.friction for joint in chain.joints])
-        self._position[0], self._velocity[0] = position, velocity
+        self._rows[0, :2] = position, velocity
         self._start = sum(energy(chain, position, velocity))
         self._work = self._loss = self.error = 0.0
         self.size = max(abs(self._start), 1e-300)
 
-    def add(self, position, velocity, effort) -> None:
-        """Take the end of one more tick and the effort (joints,) that acted over it."""
+    def push(self, body: str, force, moment: float) -> None:
+        """Let a force [x, y], N, at a body's joint point, in its axes, and a moment, N m, act from the last tick on."""
+        index = [each.name for each in self._chain.bodies].index(body)
+        forces, moments = self._forces.setdefault(index, (np.zeros(ROWS + 1, complex), np.zeros(ROWS + 1)))
+        forces[self._count + 1:], moments[self._count + 1:] = complex(*force), moment
+
+    def release(self) -> None:
+        """Take all forces and moments away; what they did since the last fold() is forgotten, so restart() next."""
+        self._forces.clear()
+
+    def add(self, numbers) -> None:
+        """Take position and velocity at the end of one more tick and the effort that acted over it, (3, joints)."""
         self._count += 1
-        row = self._count
-        self._position[row], self._velocity[row], self._effort[row] = position, velocity, effort
-        if row == ROWS:
+        self._rows[self._count] = numbers
+        if self._count == ROWS:
             self.fold()
 
     def fold(self) -> None:
@@ -53,13 +62,49 @@ class EnergyBalance:
 
     def _fold(self) -> None:
         count = self._count
-        position, velocity = self._position[:count + 1], self._velocity[:count + 1]
+        position, velocity, effort = self._rows[:count + 1].transpose(1, 0, 2)
         travel = np.diff(position, axis=0)
         middle = 1.5 / self._step * travel - 0.25 * (velocity[1:] + velocity[:-1])
-        self._work += float((self._effort[1:count + 1] * travel).sum())
+        self._work += float((effort[1:] * travel).sum())
+        for index, (force, moment) in self._forces.items():
+            self._work += self._work_of(index, force[1:count + 1], moment[1:count + 1], position, velocity)
+            force[:], moment[:] = force[-1], moment[-1]
         for law in (lambda rate: self._damping * rate**2, lambda rate: self._friction * abs(rate)):
             self._loss += self._step / 6.0 * float((law(velocity[:-1]) + 4.0 * law(middle) + law(velocity[1:])).sum())
         kinetic, potential = energy(self._chain, position[-1], velocity[-1])
         self.error = kinetic + potential - self._start - self._work + self._loss
         self.size = max(self.size, kinetic, abs(potential), abs(self._work), self._loss)
-        self._position[0], self._velocity[0], self._count = position[-1].copy(), velocity[-1].copy(), 0
+        self._rows[0], self._count = self._rows[count].copy(), 0
+
+    def _work_of(self, index: int, force, moment, position, velocity) -> float:
+        """Return the work of a wrench on a body, J, over the ticks between rows of joint states."""
+        step = self._step
+        place, rate, angle, turning = _motion_of(self._chain, index, position, velocity)
+        travel = np.diff(place)
+        middle = 1.5 / step * travel - 0.25 * (rate[1:] + rate[:-1])
+        middle_angle = 0.5 * (angle[1:] + angle[:-1]) + step / 8.0 * (turning[:-1] - turning[1:])
+        along = np.exp(-1j * angle) * rate   # in the body's own axes, in which the force stands
+        along = along[:-1] + 4.0 * np.exp(-1j * middle_angle) * middle + along[1:]
+        return float((step / 6.0 * (force.conjugate() * along).real + moment * np.diff(angle)).sum())
+
+
+def _motion_of(chain: Chain, index: int, position, velocity) -> tuple:
+    """Return place and rate of a body's joint point, m and m/s, its angle and rate, for rows (n, joints) of states."""
+    names, path = chain.joint_names, []
+    while index != BASE:
+        path.append(chain.bodies[index])
+        index = chain.bodies[index].carrier
+    place = rate = np.zeros(len(position), complex)
+    angle = turning = np.zeros(len(position))
+    for body in reversed(path):
+        turn, reach, reaching = np.exp(1j * angle), body.origin, 0.0
+        if body.slide:
+            slide, along = names.index(body.slide.name), np.exp(1j * body.slide.axis)
+            reach, reaching = reach + position[:, slide] * along, velocity[:, slide] * along
+        place, rate = place + reach * turn, rate + (reaching + 1j * turning * reach) * turn
+        angle = angle + body.angle
+        if body.rotation:
+            rotation = names.index(body.rotation.name)
+            angle = angle + body.rotation.axis * position[:, rotation]
+            turning = turning + body.rotation.axis * velocity[:, rotation]
+    return place, rate, angle, turning

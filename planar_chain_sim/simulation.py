@@ -177,10 +177,13 @@ class Simulation:
 
     def take_events(self) -> list[JointEvent]:
         """Return stops touched and left, joints stuck and slipped since the last call; at most 4096 are kept."""
+        fresh = self._stepper.take_events()
+        if not fresh and not self._untaken:
+            return []
         untaken, self._untaken = self._untaken, []
         return untaken + [
             JointEvent(tick, tick * self.step + offset, EVENT_KINDS[kind], self.chain.joint_names[joint], speed)
-            for tick, offset, kind, joint, speed in self._stepper.take_events()]
+            for tick, offset, kind, joint, speed in fresh]
 
     @property
     def plan(self) -> str:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from planar_chain_sim.recording.cdr import (
-    CdrError, decode_float64_multi_array, decode_joint_state, decode_string, encode_float64_multi_array, encode_string,
-    JointStateLayout)
+    CdrError, decode_float64_multi_array, decode_joint_state, decode_string, decode_wrench_stamped,
+    encode_float64_multi_array, encode_string, JointStateLayout)
 
 # What rclpy of ROS 2 Jazzy writes for two joints 'a' and 'bcd', frame 'base', stamp 1.5 s; alignment gaps set to zero.
 GOLDEN = bytes.fromhex(
@@ -24,7 +24,11 @@ DECODERS = {decode_joint_state: GOLDEN,
             decode_float64_multi_array: bytes.fromhex(
                 '00010000' '01000000' '02000000' '7800' '0000' '03000000' '03000000' '00000000'
                 '02000000' '00000000' '000000000000f03f' '0000000000000040'),
-            decode_string: encode_string('an event')}
+            decode_string: encode_string('an event'),
+            decode_wrench_stamped: bytes.fromhex(
+                '00010000' '01000000' '0065cd1d' '04000000' '61726d00'   # stamp and frame_id 'arm'
+                '000000000000f03f' '0000000000000040' '0000000000000840'
+                '0000000000001040' '0000000000001440' '0000000000001840')}
 
 
 def golden_layout():
@@ -97,7 +101,7 @@ def test_round_trip(joints):
 
 @pytest.mark.parametrize('values', [[], [1.0], [0.1, -np.inf, 3.0]])
 def test_float64_multi_array_round_trip(values):
-    assert decode_float64_multi_array(encode_float64_multi_array(values)).tolist() == values
+    assert list(decode_float64_multi_array(encode_float64_multi_array(values))) == values
 
 
 def test_an_empty_sequence_has_no_gap():
@@ -120,6 +124,17 @@ def test_a_string_of_length_zero_is_empty():
 def test_what_cdr_cannot_carry(wrong):
     with pytest.raises(CdrError):
         wrong()
+
+
+def test_a_wrench():
+    golden = DECODERS[decode_wrench_stamped]
+    wanted = 'arm', (1.0, 2.0, 3.0), (4.0, 5.0, 6.0)
+    assert decode_wrench_stamped(golden) == wanted
+    numbers = [golden[start:start + 8] for start in range(20, 68, 8)]
+    swapped = bytes.fromhex('00000000' '00000001' '1dcd6500' '00000004') + golden[16:20]
+    assert decode_wrench_stamped(swapped + b''.join(number[::-1] for number in numbers)) == wanted
+    with pytest.raises(CdrError, match='no geometry_msgs/msg/WrenchStamped: it ends where 48 bytes are due'):
+        decode_wrench_stamped(golden[:-1])
 
 
 @pytest.mark.parametrize('data, reason', [
@@ -155,7 +170,8 @@ def decodes_or_refuses(decode, data):
     except CdrError:
         return
     arrays = {decode_joint_state: lambda: (message.position, message.velocity, message.effort),
-              decode_float64_multi_array: lambda: (message,), decode_string: lambda: ()}[decode]()
+              decode_float64_multi_array: lambda: (np.array(message),), decode_string: lambda: (),
+              decode_wrench_stamped: lambda: (np.array(message[1]), np.array(message[2]))}[decode]()
     assert sum(array.nbytes for array in arrays) <= len(data)
     assert isinstance(message, str) == (decode is decode_string)
 
@@ -228,9 +244,19 @@ class TestAgainstRos:
     def test_float64_multi_array(self, labels, values):
         message = self.std.Float64MultiArray(data=values)
         message.layout.dim = [self.std.MultiArrayDimension(label=label, size=3, stride=3) for label in labels]
-        assert decode_float64_multi_array(self.serialization.serialize_message(message)).tolist() == values
+        assert list(decode_float64_multi_array(self.serialization.serialize_message(message))) == values
         ours = encode_float64_multi_array(values)
         assert self.serialization.deserialize_message(ours, self.std.Float64MultiArray).data.tolist() == values
+
+    @pytest.mark.parametrize('frame_id', ['', 'a', 'arm', 'größer', 'f' * 60])
+    def test_wrench_stamped(self, frame_id):
+        message = pytest.importorskip('geometry_msgs.msg').WrenchStamped()
+        message.header.frame_id, message.header.stamp.sec = frame_id, 5
+        numbers = np.random.default_rng(len(frame_id)).normal(size=6).tolist()
+        for part, values in ((message.wrench.force, numbers[:3]), (message.wrench.torque, numbers[3:])):
+            part.x, part.y, part.z = values
+        data = self.serialization.serialize_message(message)
+        assert decode_wrench_stamped(data) == (frame_id, tuple(numbers[:3]), tuple(numbers[3:]))
 
     @pytest.mark.parametrize('text', ['', 'abc', 'größer', '{"tick": 12345}'])
     def test_string(self, text):

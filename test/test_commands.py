@@ -1,8 +1,11 @@
 """Which commands act and which are refused, down to the bytes."""
+import json
+
 import numpy as np
 import pytest
 
-from planar_chain_sim.recording.cdr import encode_float64_multi_array, JointStateLayout
+from planar_chain_sim._kernel import plain_command
+from planar_chain_sim.recording.cdr import decode_string, encode_float64_multi_array, JointStateLayout
 from planar_chain_sim.ros.answers import Answers
 from planar_chain_sim.ros.commands import Command, CommandError, CommandReader, HeldEffort
 
@@ -18,6 +21,27 @@ def joint_state(**efforts):
 @pytest.fixture
 def reader():
     return CommandReader(['a', 'b', 'c'])
+
+
+def test_the_common_command_is_taken_as_any_other(reader):
+    """Twin: the kernel's short way and the reader, on every kind of number; what is not plain is left to the reader."""
+    random = np.random.default_rng(5)
+    for tick in range(300):
+        values = (random.normal(size=3) * 10.0 ** random.integers(-308, 308, 3)).tolist()
+        values[tick % 3] = [0.0, -0.0, 5e-324, 3.0, 1e22][tick % 5]
+        data, effort = encode_float64_multi_array(values), np.full(3, 7.0)
+        told = plain_command(data + bytes(tick % 4), effort, 2 ** 40 + tick, '/sim/commands')
+        event = json.loads(decode_string(told))
+        assert effort.tobytes() == np.array(values).tobytes() == np.array(event['data'].pop('effort')).tobytes()
+        assert event == {'tick': 2 ** 40 + tick, 'kind': 'command', 'data': {'topic': '/sim/commands'}}
+        command = reader.read(IN_ORDER, data)
+        assert np.array(command.efforts).tobytes() == effort.tobytes()
+    plain, effort = encode_float64_multi_array([1.0, 2.0, 3.0]), np.full(3, 7.0)
+    for other in (plain[:-1], plain[:10], b'', b'\0\0' + plain[2:], plain[:4] + b'\1' + plain[5:],
+                  *map(encode_float64_multi_array, (
+                      [], [1.0, 2.0], [1.0, 2.0, 3.0, 4.0], [1.0, np.nan, 2.0], [1.0, 2.0, np.inf]))):
+        assert plain_command(other, effort, 0, '/sim/commands') is None
+    assert effort.tolist() == [7.0, 7.0, 7.0]
 
 
 def parts(command):

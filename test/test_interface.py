@@ -28,7 +28,8 @@ TOPICS = {   # name below the namespace, node 'sim': type, depth, latched
     'joint_states': ('sensor_msgs/msg/JointState', False), 'sim/events': ('std_msgs/msg/String', False),
     '/clock': ('rosgraph_msgs/msg/Clock', False), '/diagnostics': ('diagnostic_msgs/msg/DiagnosticArray', False),
     'robot_description': ('std_msgs/msg/String', True), 'sim/markers': ('visualization_msgs/msg/MarkerArray', False)}
-COMMANDS = {'sim/commands': 'std_msgs/msg/Float64MultiArray', 'sim/joint_commands': 'sensor_msgs/msg/JointState'}
+COMMANDS = {'sim/commands': 'std_msgs/msg/Float64MultiArray', 'sim/joint_commands': 'sensor_msgs/msg/JointState',
+            'sim/wrench': 'geometry_msgs/msg/WrenchStamped'}
 
 
 def events(peer, kind):
@@ -66,7 +67,8 @@ def test_every_parameter_can_be_listed_described_and_got(everything):
     described = everything.ask(everything.parameters.describe_parameters(names)).descriptors
     assert all(descriptor.description for descriptor in described)
     assert {descriptor.name for descriptor in described if not descriptor.read_only} == {
-        'real_time_factor', 'command_timeout', 'on_controller_loss', 'gravity', 'damping', 'effort_limit'}
+        'real_time_factor', 'command_timeout', 'on_controller_loss', 'gravity', 'damping', 'effort_limit',
+        'payload_mass'}
     values = dict(zip(names, everything.ask(everything.parameters.get_parameters(names)).values))
     assert values['publish_rate'].double_value == values['rate'].double_value == 1000.0
     assert list(values['gravity'].double_array_value) == [0.0, -9.81]

@@ -22,7 +22,7 @@ from planar_chain_sim.recording.log_writer import LogError, LogWriter
 @pytest.fixture(scope='module')
 def finished(tmp_path_factory):
     """Return a finished log of several chunks and the messages in it."""
-    messages = recorded(1000)
+    messages = recorded(4000)
     return write_log(tmp_path_factory.mktemp('log') / 'run.mcap', messages), messages
 
 

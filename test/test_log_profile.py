@@ -15,13 +15,14 @@ import yaml
 
 from planar_chain_sim.recording.cdr import decode_joint_state
 from planar_chain_sim.recording.log_writer import COMPRESSIONS
+from planar_chain_sim.recording.mcap_file import MAGIC
 from planar_chain_sim.recording.message_types import MESSAGE_TYPES
 
 
 @pytest.fixture(scope='module')
 def finished(tmp_path_factory):
     """Return a finished log of several chunks and the messages in it."""
-    messages = recorded(1000)
+    messages = recorded(4000)
     return write_log(tmp_path_factory.mktemp('log') / 'run.mcap', messages), messages
 
 
@@ -41,7 +42,7 @@ def check_chunk(file, index):
     assert (len(chunk.data), chunk.uncompressed_size, chunk.compression) == (
         index.compressed_size, index.uncompressed_size, index.compression) == (len(chunk.data),) * 2 + ('',)
     assert zlib.crc32(chunk.data) == chunk.uncompressed_crc
-    assert length <= 64 * 1024
+    assert length <= 257 * 1024
     log_times, indexes_length = [], 0
     for channel_id, offset in index.message_index_offsets.items():
         message_index, length = read_record(file, offset, records.MessageIndex)
@@ -79,7 +80,16 @@ def test_the_container_is_what_the_specification_wants(finished):
             assert (metadata.name, length) == (index.name, index.length)
 
         file.seek(0)
-        assert len(list(StreamReader(file, validate_crcs=True).records)) > len(messages)
+        found = list(StreamReader(file, validate_crcs=True).records)
+        assert len(found) > len(messages)
+
+    # The summary says of itself where its groups are, and sums itself up.
+    data, footer = path.read_bytes(), found[-1]
+    assert footer.summary_crc == zlib.crc32(data[footer.summary_start:-len(MAGIC) - 4])
+    groups = [record for record in found if isinstance(record, records.SummaryOffset)]
+    assert [group.group_opcode for group in groups] == [data[group.group_start] for group in groups]
+    ends = [group.group_start + group.group_length for group in groups]
+    assert [footer.summary_start, *ends] == [*(group.group_start for group in groups), footer.summary_offset_start]
 
     counts = {channel.topic: sum(message.topic == channel.topic for message in messages) for channel in CHANNELS}
     statistics = summary.statistics

@@ -1,6 +1,9 @@
 """The node as its users meet it: from another process, over real DDS."""
 import json
+from pathlib import Path
+import re
 import signal
+import sys
 import time
 
 from live import CONFIG, Peer, run, simulator, stamp_ns
@@ -254,3 +257,19 @@ def test_time_that_cannot_be_caught_up_is_dropped_and_told(tmp_path):
     assert stamps[tick + 1] - stamps[tick] == pytest.approx(dropped[0]['data']['seconds'] * 1e9 + 1_000_000, abs=2)
     code, output = run('planar_chain_sim.recording.resimulation', tmp_path / 'run.mcap')
     assert code == 0, output
+
+
+@pytest.mark.skipif(sys.platform != 'linux', reason='threads are looked at in /proc')
+def test_the_middleware_wakes_no_thread_for_each_state():
+    """The profile that the package gives to Fast DDS acts: without it, its event thread wakes up twice a state."""
+    def wakes():
+        threads = [thread for thread in Path(f'/proc/{process.popen.pid}/task').iterdir()
+                   if (thread / 'comm').read_text().startswith('dds.ev')]
+        assert threads, 'the middleware is another one'
+        return sum(int(re.search(r'\nvoluntary_ctxt_switches:\s*(\d+)', (thread / 'status').read_text())[1])
+                   for thread in threads)
+    with simulator() as process, Peer() as peer:
+        peer.meet().new_state()
+        before, seen = wakes(), len(peer.states)
+        peer.until(lambda: len(peer.states) >= seen + 2000)
+        assert wakes() - before < 0.5 * (len(peer.states) - seen)

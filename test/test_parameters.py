@@ -100,7 +100,8 @@ def test_a_slip_in_a_name_is_told(declared, capfd):
 def test_the_chain_gives_defaults_and_only_what_was_given_is_returned(declared):
     _, node = declared('gravity:=[0,-5]', 'effort_limit:=[.inf, 3.0]')
     assert declare_chain_parameters(node, CHAIN) == {
-        'gravity': [0.0, -5.0], 'effort_limit': [float('inf'), 3.0], 'lockstep_joints': JOINTS}
+        'gravity': [0.0, -5.0], 'effort_limit': [float('inf'), 3.0], 'lockstep_joints': JOINTS,
+        'payload_body': CHAIN.bodies[-1].name, 'payload_position': [0.0, 0.0]}
     assert list(node.get_parameter('damping').value) == [joint.damping for joint in CHAIN.joints]
     assert list(node.get_parameter('gravity').value) == [0.0, -5.0]
 
@@ -112,6 +113,10 @@ def test_the_chain_gives_defaults_and_only_what_was_given_is_returned(declared):
     ('damping:=[-1.0, 1.0]', "parameter 'damping' is -1.0 in one place, must be finite numbers >= 0 "
      '(N m s/rad or N s/m, in joint order)'),
     ('effort_limit:=[a, b]', "parameter 'effort_limit' is ['a', 'b'], must be a list of numbers"),
+    ('payload_position:=[1.0]', "parameter 'payload_position' is [1.0], must be two finite numbers, [x, y]"),
+    ('payload_position:=[.inf, 0.0]', "parameter 'payload_position' is [inf, 0.0], must be two finite numbers, [x, y]"),
+    ('payload_body:=hand', "parameter 'payload_body' is 'hand', must be a body of the chain: "
+     f'{", ".join(body.name for body in CHAIN.bodies)}'),
     ('lockstep_joints:=[elbow]', "parameter 'lockstep_joints' names 'elbow', must name joints of the chain: "
      + ', '.join(JOINTS))])
 def test_a_bad_value_for_the_chain_is_one_sentence(declared, parameter, sentence):

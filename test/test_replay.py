@@ -143,7 +143,7 @@ def test_recorded_commands_drive_a_simulator(tmp_path):
             assert player.finish() == 0, player.output
         assert process.stop() == 0
     # As received: on a busy machine two may fall into one tick, and then only the newer acts.
-    heard = [decode_float64_multi_array(message.data).tolist() for message in read_log(again).messages
+    heard = [list(decode_float64_multi_array(message.data)) for message in read_log(again).messages
              if message.topic == '/simulator/commands']
     assert heard == sent
 

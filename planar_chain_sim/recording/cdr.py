@@ -10,7 +10,7 @@ rmw_fastrtps sizes its buffers generously and sends what happens to lie there.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from struct import Struct
+from struct import Struct, unpack_from
 from typing import Sequence
 
 import numpy as np
@@ -50,8 +50,9 @@ class JointStateLayout:
     """
     One sensor_msgs/msg/JointState of fixed names and frame, laid out once and patched in place for every tick.
 
-    position, velocity, effort: float64 views (joints,) into the message; SI units. Alignment gaps are zero, so equal
-    states give equal bytes. CdrError on a name or frame_id that holds a NUL or is no Unicode text.
+    position, velocity, effort: float64 views (joints,) into the message, numbers: one of all three (3, joints); SI
+    units. Alignment gaps are zero, so equal states give equal bytes. CdrError on a name or frame_id that holds a NUL or
+    is no Unicode text.
     """
 
     def __init__(self, joint_names: Sequence[str], frame_id: str = ''):
@@ -67,8 +68,8 @@ class JointStateLayout:
         memory = np.frombuffer(bytearray(4) + _ENCAPSULATION + body, np.uint8)
         self._message = memory[4:]
         self._seconds, self._nanoseconds = memory[8:12].view('<i4').data, memory[12:16].view('<u4').data
-        self.position, self.velocity, self.effort = (
-            memory[8 + start:8 + start + 8 * joints].view('<f8') for start in starts)
+        self.numbers = np.ndarray((3, joints), '<f8', memory, 8 + starts[0], (starts[1] - starts[0], 8))
+        self.position, self.velocity, self.effort = self.numbers
 
     def set_stamp(self, nanoseconds: int) -> None:
         """Put the time (int, ns) into header.stamp; CdrError where its seconds do not fit into an int32."""
@@ -111,19 +112,19 @@ def decode_joint_state(data) -> JointStateMessage:
         effort=cursor.float64_array())
 
 
-def decode_float64_multi_array(data) -> np.ndarray:
-    """Decode a std_msgs/msg/Float64MultiArray to its float64 data (n,), the layout unread; CdrError if it is none."""
+def decode_float64_multi_array(data) -> Sequence[float]:
+    """Decode a std_msgs/msg/Float64MultiArray to its data, the layout unread; CdrError if it is none."""
     if data[:12] == _PLAIN_ARRAY and len(data) >= 16:        # as nearly all are, and one may come at every tick
         count, = _COUNT.unpack_from(data, 12)
         if count and len(data) >= 20 + 8 * count:            # a gap of four lies before the first value
-            return np.frombuffer(data, '<f8', count, 20).astype(np.float64)
+            return unpack_from(f'<{count}d', data, 20)
     cursor = _Cursor(data, 'std_msgs/msg/Float64MultiArray')
     for _ in range(cursor.count(12)):
         cursor.string()                                      # label
         cursor.count(0)                                      # size
         cursor.count(0)                                      # stride
     cursor.count(0)                                          # data_offset
-    return cursor.float64_array()
+    return cursor.float64_array().tolist()
 
 
 def encode_float64_multi_array(values) -> bytes:
@@ -136,6 +137,14 @@ def encode_float64_multi_array(values) -> bytes:
     _append_count(body, 0)                                   # data_offset
     _append_float64_array(body, values)
     return _ENCAPSULATION + body
+
+
+def decode_wrench_stamped(data) -> tuple[str, tuple, tuple]:
+    """Decode a geometry_msgs/msg/WrenchStamped: frame_id, force (x, y, z), torque (x, y, z); CdrError if it is none."""
+    cursor = _Cursor(data, 'geometry_msgs/msg/WrenchStamped')
+    cursor.stamp()
+    frame_id, numbers = cursor.string(), cursor.float64s(6)
+    return frame_id, numbers[:3], numbers[3:]
 
 
 def decode_clock(data) -> int:
@@ -151,9 +160,8 @@ def decode_string(data) -> str:
 
 def encode_string(text: str) -> bytes:
     """Encode a std_msgs/msg/String; CdrError on a text that holds a NUL or is no Unicode text."""
-    body = bytearray()
-    _append_string(body, text)
-    return _ENCAPSULATION + body
+    encoded = _encoded_text(text)
+    return _ENCAPSULATION + _COUNT.pack(len(encoded)) + encoded
 
 
 def _align(body: bytearray, size: int) -> None:
@@ -165,15 +173,21 @@ def _append_count(body: bytearray, count: int) -> None:
     body.extend(_COUNT.pack(count))
 
 
-def _append_string(body: bytearray, text: str) -> None:
+def _encoded_text(text: str) -> bytes:
+    """Return the bytes of a string with the NUL that ends it; CdrError."""
     try:
         encoded = text.encode()
     except UnicodeEncodeError:
         raise CdrError(f'text {text!r}: it is no Unicode text, so a ROS string cannot carry it') from None
     if b'\0' in encoded:
         raise CdrError(f'text {text!r}: it holds a NUL, which ends a ROS string')
-    _append_count(body, len(encoded) + 1)
-    body.extend(encoded + b'\0')
+    return encoded + b'\0'
+
+
+def _append_string(body: bytearray, text: str) -> None:
+    encoded = _encoded_text(text)
+    _append_count(body, len(encoded))
+    body.extend(encoded)
 
 
 def _append_float64_array(body: bytearray, values: np.ndarray) -> int:
@@ -220,6 +234,11 @@ class _Cursor:
             return encoded[:-1].decode()
         except UnicodeDecodeError:
             raise self._malformed(f'the string at byte {start + 4} is not UTF-8') from None
+
+    def float64s(self, count: int) -> tuple:
+        """Read this many float64 fields."""
+        start = self._take(8 * count, 8)
+        return unpack_from(f'{self._count.format[0]}{count}d', self._body, start)
 
     def float64_array(self) -> np.ndarray:
         """Read a float64 sequence into an array of its own."""

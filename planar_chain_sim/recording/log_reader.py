@@ -24,7 +24,7 @@ import zstandard
 
 from .log_writer import LogError
 
-MAX_CHUNK_SIZE = 2 ** 26    # bytes after decompression; ours are 60 KiB, those of other tools a few MiB
+MAX_CHUNK_SIZE = 2 ** 26    # bytes after decompression; ours are 256 KiB, those of other tools a few MiB
 
 _MAGIC = b'\x89MCAP0\r\n'
 _FRAME = Struct('<BQ')

@@ -25,6 +25,8 @@ def _with_parts(definition: str, *parts: str) -> str:
 _TIME = 'builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n'
 _HEADER = 'std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n'
 _LAYOUT = 'std_msgs/MultiArrayLayout\nMultiArrayDimension[] dim\nuint32 data_offset\n'
+_WRENCH = 'geometry_msgs/Wrench\nVector3 force\nVector3 torque\n'
+_VECTOR3 = 'geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z\n'
 _DIMENSION = 'std_msgs/MultiArrayDimension\nstring label\nuint32 size\nuint32 stride\n'
 
 MESSAGE_TYPES = {
@@ -35,6 +37,9 @@ MESSAGE_TYPES = {
     'std_msgs/msg/Float64MultiArray': MessageType(
         _with_parts('MultiArrayLayout layout\nfloat64[] data\n', _LAYOUT, _DIMENSION),
         'RIHS01_1025ddc6b9552d191f89ef1a8d2f60f3d373e28b283d8891ddcc974e8c55397f'),
+    'geometry_msgs/msg/WrenchStamped': MessageType(
+        _with_parts('std_msgs/Header header\nWrench wrench\n', _HEADER, _TIME, _WRENCH, _VECTOR3),
+        'RIHS01_8dc3deaf06b2ab281f9f9a742a8961c328ca7cec16e3fd6586d3a5c83fa78f77'),
     'std_msgs/msg/String': MessageType(
         'string data\n',
         'RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18'),

@@ -1,4 +1,4 @@
-"""Commands from the network, taken when a tick has a use for them: recorded, judged, held."""
+"""Commands and wrenches from the network, taken when a tick has a use for them: recorded, judged, held."""
 from __future__ import annotations
 
 from collections import Counter
@@ -10,30 +10,43 @@ from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 
 from .answers import Answers
 from .commands import CommandError, CommandReader, HeldEffort, LONGEST_MESSAGE
-from .messages import INPUTS
+from .messages import COMMANDS, INPUTS
+from .wrenches import WrenchReader
+from .._kernel import plain_command
 
 
 class CommandIntake:
     """
-    Takes the messages of `inputs`, key of INPUTS -> polled subscription, for joints of these names.
+    Takes the messages of `inputs`, key of INPUTS -> polled subscription, for the joints and bodies of `chain`.
 
     `context`: of rclpy. `publication` records messages and tells what was rejected; `warn(key, sentence)` logs.
-    held: HeldEffort. rejected: Counter of reasons. heard: keys of the inputs that have a publisher, by the last look().
+    held: HeldEffort. rejected: Counter of reasons. wrenches: body -> the newest wrench for it, as the change 'wrench'
+    has it, until the owner takes it out.
     """
 
-    def __init__(self, joint_names, inputs, context, publication, warn):
-        self._names, self._inputs, self._publication, self._warn = joint_names, inputs, publication, warn
+    def __init__(self, chain, inputs, context, publication, warn):
+        self._names, self._inputs, self._publication, self._warn = chain.joint_names, inputs, publication, warn
         self._topics = {key: subscription.topic_name for key, subscription in inputs.items()}
-        self._reader = CommandReader(joint_names)
-        self.held, self.rejected = HeldEffort(len(joint_names)), Counter()
-        self.heard = self._next = ()  # the second: keys of those to be polled next time
+        # Bound once: subscriptions outlive the thread that takes from them, and it does so at every tick.
+        self._takes = {key: (subscription.handle.take_message, subscription.msg_type)
+                       for key, subscription in inputs.items()}
+        self._reader = CommandReader(self._names)
+        self._wrench_reader = WrenchReader([body.name for body in chain.bodies])
+        self.held, self.rejected = HeldEffort(len(self._names)), Counter()
+        self.wrenches, self._pushes = {}, []  # the second: messages not yet read
+        self._heard = self._next = ()  # keys of the inputs that have a publisher; of those to be polled next time
         self._waker = GuardCondition(lambda: None, None, context=context)
         self._wait_set = _rclpy.WaitSet(len(inputs), 1, 0, 0, 0, 0, context.handle)
 
     def look(self) -> None:
-        """Look who publishes commands."""
-        self.heard = tuple(key for key, subscription in self._inputs.items() if subscription.get_publisher_count())
+        """Look who publishes."""
+        self._heard = tuple(key for key, subscription in self._inputs.items() if subscription.get_publisher_count())
         self._next = tuple(INPUTS)  # also hear who came and went between two looks
+
+    @property
+    def commanded(self) -> bool:
+        """Whether there was a publisher of commands at the last look()."""
+        return any(key in COMMANDS for key in self._heard)
 
     def wait(self, nanoseconds: int) -> None:
         """Sleep until a command comes or wake() is called, but no longer than this."""
@@ -55,14 +68,22 @@ class CommandIntake:
 
     def latch(self, tick: int, answers: Optional[Answers] = None) -> Optional[str]:
         """
-        Take what has come; return the topic of the newest command that acts from `tick` on, None where none does.
+        Take what has come; return the topic of the newest command that acts from `tick` on and is not told of yet.
 
         The newest command of each joint acts, in lockstep the first that answers the state outstanding.
         """
         arrived = self._take() if self._next else ()
+        if self._pushes:
+            self._read_wrenches()
         if not arrived:
             return None
-        acting, rejected, unsettled = [], {}, set(range(len(self._names)))
+        if len(arrived) == 1 and not answers and arrived[0][1] == 'commands':
+            event = plain_command(arrived[0][2], self.held.effort, tick, self._topics['commands'])
+            if event:
+                self.held.renew(tick)
+                self._publication.tell_message(event)
+                return None
+        acting, rejected, settled = [], {}, set()
         for received, key, data in arrived if answers else reversed(arrived):
             try:
                 command = self._reader.read(INPUTS[key].type_name, data)
@@ -80,10 +101,11 @@ class CommandIntake:
                 command = answers.admit(command, received)
             if command and command.joints:
                 acting.append((self._topics[key], command))
-                unsettled.difference_update(command.joints)
-                if not answers and not unsettled:
+                settled.update(command.joints)
+                if not answers and len(settled) == len(self._names):
                     break  # what is older is overtaken, a flood is not worth reading
-        self._reject(rejected)
+        if rejected:
+            self._reject(rejected)
         if not acting:
             return None
         for _, command in acting if answers else reversed(acting):
@@ -91,27 +113,44 @@ class CommandIntake:
         return acting[-1 if answers else 0][0]
 
     def _take(self) -> list:
-        """Return (time received, key, data) of the messages that have come, oldest first, and record them."""
-        keys, self._next = self._next, self.heard
+        """Return (time received, key, data) of the commands that have come, oldest first; record all messages."""
+        keys, self._next = self._next, self._heard
         arrived = []
         for key in keys:
-            subscription = self._inputs[key]
-            with (handle := subscription.handle):
-                for _ in range(INPUTS[key].depth):  # not until it is empty: a flood could keep us here
-                    taken = handle.take_message(subscription.msg_type, True)
-                    if taken is None:
-                        break
-                    data, about = taken
+            take, message_type = self._takes[key]
+            for _ in range(INPUTS[key].depth):  # not until it is empty: a flood could keep us here
+                taken = take(message_type, True)
+                if taken is None:
+                    break
+                data, about = taken
+                if key in COMMANDS:
                     arrived.append((about['received_timestamp'], key, data))
-                    if len(data) <= LONGEST_MESSAGE:
-                        self._publication.record_command(self._topics[key], data, about['source_timestamp'])
+                else:
+                    self._pushes.append(data)
+                if len(data) <= LONGEST_MESSAGE:
+                    self._publication.record_command(self._topics[key], data, about['source_timestamp'])
         # Each topic keeps its own order; between the two, the time at which the middleware received a message decides.
         if len(keys) > 1:
             arrived.sort(key=itemgetter(0))
         return arrived
 
+    def _read_wrenches(self) -> None:
+        """Judge the wrenches that have come; of each body the newest is kept."""
+        errors = []
+        for data in self._pushes:
+            try:
+                wrench = self._wrench_reader.read(data)
+                self.wrenches[wrench['body']] = wrench
+            except CommandError as error:
+                errors.append(error)
+        self._pushes.clear()
+        if errors:
+            self._reject({self._topics['wrench']: errors[::-1]})
+
     def _reject(self, rejected) -> None:
+        """Count and tell what was refused, topic -> errors, the newest first."""
         for topic, errors in rejected.items():
             self.rejected.update(error.reason for error in errors)
             self._publication.event('rejected', topic=topic, reason=str(errors[0]), count=len(errors))
-            self._warn(topic, f'command on {topic} rejected: {errors[0]}')
+            what = 'wrench' if topic == self._topics['wrench'] else 'command'
+            self._warn(topic, f'{what} on {topic} rejected: {errors[0]}')

@@ -68,7 +68,7 @@ class CommandReader:
         if len(values) != len(names):
             raise CommandError('wrong length',
                                f'it has {len(values)} efforts for {len(names)} names, must have as many')
-        values, index = _finite(values), self._index
+        values, index = _finite(values.tolist()), self._index
         joints = [index[name] for name in names if name in index]
         if len(joints) == len(names):
             return Command(joints, values, message.stamp)
@@ -76,12 +76,12 @@ class CommandReader:
                        tuple(name for name in names if name not in index))
 
 
-def _finite(values: np.ndarray) -> list[float]:
-    """Return the values as a list; CommandError where one is not finite. For a few values NumPy takes longer."""
-    values = values.tolist()
-    for place, value in enumerate(values):
-        if not isfinite(value):
-            raise CommandError('not finite', f'its effort {place} is {value}, must be finite')
+def _finite(values: Sequence[float]) -> Sequence[float]:
+    """Return the values; CommandError where one is not finite. For a few values NumPy takes longer."""
+    if not isfinite(sum(values)):  # finite values may also have a sum that is not
+        for place, value in enumerate(values):
+            if not isfinite(value):
+                raise CommandError('not finite', f'its effort {place} is {value}, must be finite')
     return values
 
 
@@ -102,6 +102,11 @@ class HeldEffort:
         for joint, value in zip(command.joints, command.efforts):
             self.effort[joint] = value
             self._since[joint] = tick
+        self.commanded = True
+
+    def renew(self, tick: int) -> None:
+        """Hold what has been put into `effort`, a command of every joint, from `tick` on."""
+        self._since = [tick] * len(self._since)
         self.commanded = True
 
     def clear(self) -> None:

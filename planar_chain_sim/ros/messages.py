@@ -48,10 +48,11 @@ SIDE_OUTPUTS = {
     'markers': Topic('~/markers', 'visualization_msgs/msg/MarkerArray', 1, option='publish_markers'),
 }
 # 64 deep: with a depth of 1, one of two controllers that command within one tick would lose its message.
-INPUTS = {
+COMMANDS = {
     'commands': Topic('~/commands', 'std_msgs/msg/Float64MultiArray', 64),
     'joint_commands': Topic('~/joint_commands', 'sensor_msgs/msg/JointState', 64),
 }
+INPUTS = {**COMMANDS, 'wrench': Topic('~/wrench', 'geometry_msgs/msg/WrenchStamped', 64)}
 
 
 class PolledGroup(CallbackGroup):

@@ -150,7 +150,8 @@ def load(node, values, stop):
 
 def create_simulation(chain, values, logger):
     """Return the Simulation of the chain and the parameters; Mistake where there can't be one. Warnings are logged."""
-    from ..changes import changed_chain, QUANTITIES
+    from .simulator import payload_of
+    from ..changes import apply_change, changed_chain, QUANTITIES
     from ..command_line import Mistake
     from ..simulation import Simulation
     try:
@@ -163,6 +164,7 @@ def create_simulation(chain, values, logger):
                                     tolerance=values['tolerance'] or None)
         for warning in told:
             logger.warning(str(warning.message))
+        apply_change(simulation, 'payload', payload_of(values))
         return simulation
     except ValueError as error:
         raise Mistake(str(error)) from None

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from array import array
 from difflib import get_close_matches
+from math import isfinite
 from typing import Callable, NamedTuple, Optional, Union
 
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
@@ -61,6 +62,10 @@ PARAMETERS = (
         'time; in lockstep seconds of wall time after which silence is reported; 0: never.', (0.0, 1e6), live=True),
     Row('on_controller_loss', 'zero', "Efforts when the last publisher of commands has gone: 'zero' or 'hold'.",
         choices=('zero', 'hold'), live=True),
+    Row('payload_mass', 0.0, 'Mass of the payload that payload_body carries, kg; 0: none.', (0.0, 1e9), live=True),
+    Row('payload_body', '', 'Body that carries the payload; empty: the last one of the chain.'),
+    Row('payload_position', None, 'Where the payload has its mass centre, m, [x, y] in the frame of that body.',
+        of_chain=(NUMBERS, lambda chain: [0.0, 0.0])),
     Row('publish_clock', False, 'Publish simulated time on /clock and stamp states with it.'),
     Row('publish_markers', False, 'Publish the bodies on ~/markers, 30 times a second at most.'),
     Row('frame_id', '', 'header.frame_id of the joint states.'),
@@ -104,7 +109,7 @@ def declare_chain_parameters(node, chain) -> dict[str, Value]:
     """
     Declare the rows whose default is the chain's and return the values that were given; Mistake as above.
 
-    `lockstep_joints` is always among them.
+    `lockstep_joints`, `payload_body` and `payload_position` are always among them.
     """
     given, values = {}, {}
     for row in PARAMETERS:
@@ -119,8 +124,16 @@ def declare_chain_parameters(node, chain) -> dict[str, Value]:
         if name not in chain.joint_names:
             raise Mistake(f"parameter 'lockstep_joints' names {name!r}, must name joints of the chain: "
                           f'{", ".join(chain.joint_names[:32])}')
+    bodies = [body.name for body in chain.bodies]
+    payload_body = node.get_parameter('payload_body').value or bodies[-1]
+    if payload_body not in bodies:
+        raise Mistake(f"parameter 'payload_body' is {payload_body!r}, must be a body of the chain: "
+                      f'{", ".join(bodies[:32])}')
+    place = given.setdefault('payload_position', values['payload_position'])
+    if len(place) != 2 or not all(map(isfinite, place)):
+        raise Mistake(f"parameter 'payload_position' is {place}, must be two finite numbers, [x, y]")
     declare(node, {**values, **given}, ROWS)
-    return given
+    return {**given, 'payload_body': payload_body}
 
 
 def check_quantity(chain, name: str, values) -> None:

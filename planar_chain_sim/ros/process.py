@@ -2,12 +2,15 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
+import os
+from pathlib import Path
 from queue import SimpleQueue
 import signal
 import sys
 from typing import Callable, Optional, Sequence
 
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+DDS_PROFILE = Path(__file__).with_name('fast_dds.xml')
 
 
 def catch_stop_signals() -> SimpleQueue:
@@ -63,6 +66,8 @@ def start_node(name: str, arguments: Sequence[str], ending: ExitStack):
     Mistake where there is no ROS 2 or it does not take the arguments.
     """
     from ..command_line import Mistake
+    if not Path('DEFAULT_FASTRTPS_PROFILES.xml').exists():  # which Fast DDS takes of itself
+        os.environ.setdefault('FASTRTPS_DEFAULT_PROFILES_FILE', str(DDS_PROFILE))
     try:
         import rclpy
         from rclpy.node import Node

@@ -18,6 +18,7 @@ from .command_intake import CommandIntake
 from .measurement import Meter
 from .pacing import LONGEST_LATENESS, Pacing, sleep_punctually
 from .publication import Publication
+from .._kernel import json_list
 from ..changes import apply_change, QUANTITIES, to_json
 from ..dynamics import SimulationError
 
@@ -25,6 +26,12 @@ LOOK_PERIOD = 20_000_000  # ns between two looks at who publishes commands and a
 LONGEST_SLEEP = 10_000_000  # ns; a request or a stop is seen after at most this, whatever the rate
 LONGEST_BACKLOG = 20_000  # messages; as fast as possible is no faster than the disk
 ANSWER_TIMEOUT = 2.0  # s
+
+
+def payload_of(values) -> dict:
+    """Return the change 'payload' that the node's parameters ask for."""
+    return {'name': 'payload', 'body': values['payload_body'], 'mass': values['payload_mass'],
+            'position': values['payload_position'], 'inertia_com': 0.0}
 
 
 class Simulator:
@@ -42,8 +49,9 @@ class Simulator:
         step = simulation.step if values['publish_clock'] or values['lockstep'] else None
         self._pacing = Pacing(self._period(), time_ns() - monotonic_ns(), step)
         self._publication = Publication(simulation, values, publishers, log, self._pacing)
-        self._intake = CommandIntake(simulation.chain.joint_names, inputs, context, self._publication, self._warn)
+        self._intake = CommandIntake(simulation.chain, inputs, context, self._publication, self._warn)
         self._held = self._intake.held
+        self._wrenches = {}  # body -> the change 'wrench' that made what acts on it
         self._meter = Meter(simulation)
         self._paused, self._divergence = values['start_paused'], None
         self._look_due = self._repeat_due = 0
@@ -109,6 +117,8 @@ class Simulator:
         for name in QUANTITIES:
             if name in self._values:
                 self._publication.event('parameter', name=name, value=to_json(self._values[name]))
+        if self._values['payload_mass']:
+            self._publication.event('payload', **payload_of(self._values))
         if self._paused:
             self._publication.event('pause')
         self._publication.lay_out()
@@ -176,8 +186,7 @@ class Simulator:
             return False
         self._tell_joint_events()
         self._show(record=True, publish=publish or not simulation.tick % publication.ticks_per_state)
-        layout = publication.layout
-        self._meter.balance.add(layout.position, layout.velocity, layout.effort)
+        self._meter.balance.add(publication.layout.numbers)
         return True
 
     def _tell_joint_events(self) -> None:
@@ -193,6 +202,7 @@ class Simulator:
         """Take the commands that have come, let joints that were commanded too long ago go, and tell of both."""
         tick, timeout = self._simulation.tick, self._values['command_timeout']
         self._tell_command(self._intake.latch(tick))
+        self._push()
         if timeout and self._held.commanded:
             silent = self._held.expire(tick, timeout / self._simulation.step * (1.0 - 1e-12))
             if silent:
@@ -202,18 +212,29 @@ class Simulator:
                 self._warn('timeout', f'no command for {", ".join(names[:32])} within {timeout:g} s, '
                            'effort is zero now')
 
+    def _push(self) -> None:
+        """Let the wrenches that have come act from now on, and tell of each that differs from the one before."""
+        wrenches = self._intake.wrenches
+        while wrenches:
+            body, wrench = wrenches.popitem()
+            if wrench != self._wrenches.get(body, dict(wrench, force=[0.0, 0.0], moment=0.0)):
+                self._wrenches[body] = wrench
+                apply_change(self._simulation, 'wrench', wrench)
+                self._meter.balance.push(body, wrench['force'], wrench['moment'])
+                self._publication.event('wrench', **wrench)
+
     def _tell_command(self, topic: Optional[str]) -> None:
         """Tell the efforts that act from now on, where a command on `topic` has changed them."""
         if topic:
             # Up to once a tick, so written by hand: json.dumps takes as long as the whole motion. Floats are the same.
-            self._publication.tell('command', f'{{"topic": "{topic}", "effort": {self._held.effort.tolist()}}}')
+            self._publication.tell('command', '{"topic": "%s", "effort": %s}' % (topic, json_list(self._held.effort)))
 
     def _look(self) -> None:
         """Look at what needs no look at every tick: is there still a controller, is there still a log."""
         if self._log and self._log.error:
             raise self._log.error
         self._intake.look()
-        if self._held.commanded and not self._intake.heard and self._values['on_controller_loss'] == 'zero':
+        if self._held.commanded and not self._intake.commanded and self._values['on_controller_loss'] == 'zero':
             self._latch()  # its last words
             self._clear_commands()
             self._publication.event('controller_loss', effort=self._held.effort.tolist())
@@ -232,6 +253,8 @@ class Simulator:
     def _reset(self) -> tuple[bool, str]:
         apply_change(self._simulation, 'reset', {})
         self._clear_commands()
+        self._wrenches.clear()
+        self._meter.balance.release()
         if self._divergence and not self._paused:
             self._pacing.anchor(self._simulation.tick, monotonic_ns())
         self._divergence = None
@@ -264,17 +287,19 @@ class Simulator:
         return True, f'{"paused" if wanted else "running"} from tick {self._simulation.tick} on'
 
     def _set_parameter(self, name: str, value) -> tuple[bool, str]:
-        data = {'name': name, 'value': to_json(value) if name in QUANTITIES else value}
+        kind, data = 'parameter', {'name': name, 'value': to_json(value) if name in QUANTITIES else value}
+        if name == 'payload_mass':
+            kind, data = 'payload', payload_of({**self._values, name: value})
         try:
-            apply_change(self._simulation, 'parameter', data)
+            apply_change(self._simulation, kind, data)
         except ValueError as error:
             return False, f'parameter {name!r}: {error}'
         self._values[name] = value
-        if name in QUANTITIES:
+        if name in QUANTITIES or kind == 'payload':
             self._meter.begin(self._simulation)
         elif name == 'real_time_factor':
             self._pacing.set_period(self._period(), self._simulation.tick, monotonic_ns())
-        self._publication.event('parameter', **data)
+        self._publication.event(kind, **data)
         return True, f'{name} acts from tick {self._simulation.tick} on'
 
     def _measure(self) -> tuple:
