@@ -134,3 +134,9 @@ def test_a_full_disk_ends_it_with_one_sentence(tmp_path):
     assert 'Traceback' not in process.output
     log = read_log(path)
     assert not log.complete and sum(1 for _ in log.messages) > 1000
+
+
+def test_a_step_that_is_too_long_is_warned_of_while_it_runs():
+    """RK4 at 10 Hz is stable on the double pendulum and ends half a radian off."""
+    with simulator(chain_file='double_pendulum.yaml', method='rk4', rate=10.0, real_time_factor=4.0) as process:
+        process.wait_for("too long for method 'rk4': at tick ")

@@ -6,7 +6,7 @@ import gc
 import sys
 import warnings
 
-from .process import run_until_stopped, start_node
+from .process import run_until_stopped, start_node, wait_for
 
 DESCRIPTION = """\
 A planar chain of rigid bodies, simulated in real time as a ROS 2 node.
@@ -32,6 +32,8 @@ def simulate(own_arguments, ros_arguments, stop) -> None:
     gc.disable()  # until all is loaded: nothing of it is garbage
     with ExitStack() as ending:  # ends in reverse order, so that nobody is asked who has gone already
         node = start_node('simulator', ros_arguments, ending)
+        # Of a step that is too long, at the start or while it runs.
+        warnings.showwarning = lambda message, *_: node.get_logger().warning(str(message))
         started = start_simulator(node, ending, stop)
         if not started:
             return
@@ -39,7 +41,7 @@ def simulate(own_arguments, ros_arguments, stop) -> None:
         serve(node, ending, stop, simulator, simulation.chain, urdf, values, log)
         gc.freeze()  # what is here now stays: a collection that went through all of it would hold up a tick
         gc.enable()
-        reason = stop.get()
+        reason = wait_for(stop)
     if log and log.error:
         raise Mistake(str(log.error))
     if reason is not None:
@@ -62,7 +64,7 @@ def start_simulator(node, ending, stop):
     if chain is None:
         return None
     values.update(declare_chain_parameters(node, chain))
-    simulation = create_simulation(chain, values, node.get_logger())
+    simulation = create_simulation(chain, values)
     log = None
     if values['record']:
         from .recorder import open_log
@@ -148,8 +150,8 @@ def load(node, values, stop):
         raise Mistake(str(error)) from None
 
 
-def create_simulation(chain, values, logger):
-    """Return the Simulation of the chain and the parameters; Mistake where there can't be one. Warnings are logged."""
+def create_simulation(chain, values):
+    """Return the Simulation of the chain and the parameters; Mistake where there can't be one."""
     from .simulator import payload_of
     from ..changes import apply_change, changed_chain, QUANTITIES
     from ..command_line import Mistake
@@ -158,12 +160,8 @@ def create_simulation(chain, values, logger):
         for name in QUANTITIES:
             if name in values:
                 chain = changed_chain(chain, name, values[name])
-        with warnings.catch_warnings(record=True) as told:   # of a step too long for a stiff joint
-            warnings.simplefilter('always', RuntimeWarning)
-            simulation = Simulation(chain, method=values['method'], step=1.0 / values['rate'],
-                                    tolerance=values['tolerance'] or None)
-        for warning in told:
-            logger.warning(str(warning.message))
+        simulation = Simulation(chain, method=values['method'], step=1.0 / values['rate'],
+                                tolerance=values['tolerance'] or None)
         apply_change(simulation, 'payload', payload_of(values))
         return simulation
     except ValueError as error:

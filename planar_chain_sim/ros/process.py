@@ -4,7 +4,7 @@ from __future__ import annotations
 from contextlib import ExitStack
 import os
 from pathlib import Path
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 import signal
 import sys
 from typing import Callable, Optional, Sequence
@@ -44,6 +44,15 @@ def run_until_stopped(program: str, body: Callable[[list, list, SimpleQueue], No
         # Python restores the deadly defaults before it is quite gone; a second Ctrl-C must not fall in between.
         for number in STOP_SIGNALS:
             signal.signal(number, signal.SIG_IGN)
+
+
+def wait_for(stop: SimpleQueue):
+    """Return what is put into `stop`, once it is."""
+    while True:
+        try:
+            return stop.get(timeout=0.2)  # a signal that the system gives to another thread does not end the wait
+        except Empty:
+            pass
 
 
 def split_arguments(arguments: Sequence[str]) -> tuple[list, list]:
