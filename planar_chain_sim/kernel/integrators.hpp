@@ -171,7 +171,9 @@ class FixedStep : public Motion {
       suspect |= jump * jump > suspect_jump * suspect_jump;
       violent |= jump * jump > violent_jump * violent_jump;
     }
-    const bool due = coarse.joint < 0 && (suspect != 0 || (tick & (tick - 1)) == 0 || tick % 256 == 0);
+    const bool again = suspect != 0 && (tick - suspected_ >= 8 || tick < suspected_);
+    const bool due = coarse.joint < 0 && (again || (tick & (tick - 1)) == 0 || tick % 256 == 0);
+    if (again) suspected_ = tick;
     return due || violent != 0 ? compare(tick, length, state, actuator, joint) : Outcome::good;
   }
 
@@ -194,6 +196,7 @@ class FixedStep : public Motion {
   const double most_error_rate_;
   JointState next_, half_, halves_, from_;
   std::vector<double> actuator_;
+  std::int64_t suspected_ = -8;  // tick at which a jump was last looked at
   double offset_ = 0.0, ahead_ = 0.0;
   Outcome outcome_ahead_ = Outcome::good;
   int joint_ahead_ = -1;
