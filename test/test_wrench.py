@@ -204,6 +204,7 @@ def test_a_payload_comes_and_goes_and_energy_stays_in_balance(tmp_path):
     payloads = [json.loads(message.data[8:-1])['data'] for message in read_log(path).messages
                 if message.topic == '/simulator/events' and b'"payload"' in message.data]
     assert [payload['mass'] for payload in payloads] == [0.5, 2.5, 0.0]
+    assert ['welded bodies merged: 1' in payload['plan'] for payload in payloads] == [True, True, False]
     assert {(payload['body'], *payload['position']) for payload in payloads} == {('forearm', 0.1, 0.05)}
 
 

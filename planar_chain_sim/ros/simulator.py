@@ -118,7 +118,7 @@ class Simulator:
             if name in self._values:
                 self._publication.event('parameter', name=name, value=to_json(self._values[name]))
         if self._values['payload_mass']:
-            self._publication.event('payload', **payload_of(self._values))
+            self._publication.event('payload', **payload_of(self._values), plan=self._simulation.plan)
         if self._paused:
             self._publication.event('pause')
         self._publication.lay_out()
@@ -297,6 +297,8 @@ class Simulator:
         self._values[name] = value
         if name in QUANTITIES or kind == 'payload':
             self._meter.begin(self._simulation)
+        if kind == 'payload':
+            data['plan'] = self._simulation.plan   # made anew
         elif name == 'real_time_factor':
             self._pacing.set_period(self._period(), self._simulation.tick, monotonic_ns())
         self._publication.event(kind, **data)
