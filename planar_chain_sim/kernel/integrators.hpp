@@ -171,10 +171,19 @@ class FixedStep : public Motion {
       suspect |= jump * jump > suspect_jump * suspect_jump;
       violent |= jump * jump > violent_jump * violent_jump;
     }
-    const bool again = suspect != 0 && (tick - suspected_ >= 8 || tick < suspected_);
-    const bool due = coarse.joint < 0 && (again || (tick & (tick - 1)) == 0 || tick % 256 == 0);
-    if (again) suspected_ = tick;
+    const bool due =
+        coarse.joint < 0 && ((suspect != 0 && grows(tick, state)) || (tick & (tick - 1)) == 0 || tick % 256 == 0);
     return due || violent != 0 ? compare(tick, length, state, actuator, joint) : Outcome::good;
+  }
+
+  // Whether the jump of a suspected step is larger by half than the one that was looked at within the last eight ticks.
+  bool grows(std::int64_t tick, const JointState& state) {
+    double jump = 0.0;
+    for (std::size_t i = 0; i < state.velocity.size(); ++i)
+      jump = std::fmax(jump, std::fabs(next_.velocity[i] - state.velocity[i]));
+    if (tick >= suspected_ && tick - suspected_ < 8 && jump <= 1.5 * suspected_jump_) return false;
+    suspected_ = tick, suspected_jump_ = jump;
+    return true;
   }
 
   Outcome compare(std::int64_t tick, double length, const JointState& state, const double* actuator, int& joint) {
@@ -196,7 +205,8 @@ class FixedStep : public Motion {
   const double most_error_rate_;
   JointState next_, half_, halves_, from_;
   std::vector<double> actuator_;
-  std::int64_t suspected_ = -8;  // tick at which a jump was last looked at
+  std::int64_t suspected_ = -8;    // tick at which a jump was last looked at
+  double suspected_jump_ = 0.0;    // rad/s or m/s
   double offset_ = 0.0, ahead_ = 0.0;
   Outcome outcome_ahead_ = Outcome::good;
   int joint_ahead_ = -1;
