@@ -398,3 +398,25 @@ def test_a_log_with_loads_runs_again_and_knows_the_chain_of_each_tick(tmp_path, 
         assert len(start.chain.bodies) == (5 if tick in (91, 130) else 4)
         acceleration = pcs.forward_dynamics(start.chain, position, velocity, effort)
         np.testing.assert_allclose(acceleration, accelerations[tick], rtol=1e-9, atol=1e-9)
+
+
+def test_a_wrench_that_has_not_acted_yet_is_in_the_acceleration_and_in_a_checkpoint():
+    """A joint that friction holds: whether it gives way is decided with the wrench, also after a restore."""
+    first, *others = ARM.bodies
+    held = replace(first, rotation=replace(first.rotation, friction=3.0))
+    chain = replace(ARM, gravity=0j, bodies=(held, *others))
+    simulation = pcs.Simulation(chain)
+    simulation.set_state(np.zeros(7), np.zeros(7))
+    simulation.advance(5)
+    assert simulation.acceleration[0] == 0.0
+    simulation.set_wrench('link_1', moment=4.0)
+    saved = simulation.checkpoint()
+    assert simulation.acceleration[0] > 0.0
+    ends = []
+    for _ in range(2):
+        simulation.restore(saved)
+        simulation.take_events()
+        simulation.advance(5)
+        ends.append(simulation.position.tobytes())
+        assert [event.kind for event in simulation.take_events()] == ['slipped']
+    assert ends[0] == ends[1] and simulation.position[0] > 0.0
