@@ -241,8 +241,9 @@ class Stepper {
 
   // Goes on from `now` s, at tick `tick` or behind it, where the arguments are whole: an int >= 0; None or a finite array
   // of (joints,) or (ticks, joints); None or a tuple of arrays (ticks, joints) that take position, velocity and effort.
-  // Returns None when done, (ticks done, outcome, joint) where it stopped before or a coarse step is to be told, and False, with nothing moved, where
-  // Python is to check or convert an argument first: a controlled run comes here at every tick.
+  // Returns None when done, (ticks done, outcome, joint) where it stopped before or a coarse step is to be told, and
+  // False, with nothing moved, where Python is to check or convert an argument first: a controlled run comes here at
+  // every tick.
   py::object advance(double now, std::int64_t tick, const py::handle& ticks_given, const py::handle& effort_given,
                      const py::handle& record_given) {
     const py::ssize_t joints = static_cast<py::ssize_t>(effort_.size());

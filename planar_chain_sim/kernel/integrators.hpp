@@ -112,13 +112,14 @@ class Motion : public Integrator {
 // One step a tick. step() changes the state only if the outcome is good; else `joint` is why.
 //
 // Nothing controls the error of such steps, so now and then, and where velocities jump, one is compared with two half
-// ones: one that is off by a whole rad or m ends the run, the first that is less far off is kept to be warned of.
+// ones: the first that is far off is kept to be warned of. Whether one ends the run, being violent and off by a whole rad
+// or m, depends on that step alone: not on what was looked at before, so that a restored run or a batch ends alike.
 class FixedStep : public Motion {
  public:
   // `most_error_rate`: rad or m a second by which two half steps may differ; 0: the method finds by itself what is too long.
   FixedStep(const JointForces& forces, int joints, double tick_length, double most_error_rate)
-      : forces_(forces), tick_length_(tick_length), most_error_rate_(most_error_rate), next_(joints), half_(joints), halves_(joints), from_(joints),
-        actuator_(joints) {}
+      : forces_(forces), tick_length_(tick_length), most_error_rate_(most_error_rate), next_(joints), half_(joints),
+        halves_(joints), from_(joints), actuator_(joints) {}
 
   Progress advance(double, std::int64_t tick, std::int64_t ticks, JointState& state, const double* actuator) override {
     Progress progress;
@@ -173,7 +174,9 @@ class FixedStep : public Motion {
     }
     const bool due =
         coarse.joint < 0 && ((suspect != 0 && grows(tick, state)) || (tick & (tick - 1)) == 0 || tick % 256 == 0);
-    return due || violent != 0 ? compare(tick, length, state, actuator, joint) : Outcome::good;
+    if (!due && violent == 0) return Outcome::good;
+    const Outcome outcome = compare(tick, length, state, actuator, joint);
+    return violent != 0 ? outcome : Outcome::good;
   }
 
   // Whether the jump of a suspected step is larger by half than the one that was looked at within the last eight ticks.
