@@ -234,8 +234,8 @@ class Simulation:
         Let a force and a moment act on a body from now on, in place of the last ones; zero takes them away.
 
         `force` [x, y], N, acts at the body's joint point, in the axes of the 'body', with which it turns, or of the
-        'world'; `moment` N m, counter-clockwise (equations.md 6.5). ValueError: no such body, a number
-        that is not finite, other axes.
+        'world'; `moment` N m, counter-clockwise (equations.md 6.5). ValueError: no such body, a number that is not
+        finite, other axes.
         """
         index_of(self.chain, body)
         wrench = checked_wrench(force, moment, axes)
