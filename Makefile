@@ -34,7 +34,7 @@ test: $(TEST_READY)
 
 lint: $(TEST_READY)
 	$(PY) -m flake8
-	$(CXX) -std=c++17 -fsyntax-only -Wall -Wextra -Wpedantic -Werror $(KERNEL)/bindings.cpp \
+	$(CXX) -std=c++17 -fvisibility=hidden -fsyntax-only -Wall -Wextra -Wpedantic -Werror $(KERNEL)/bindings.cpp \
 	  $$($(PY) -c 'import pybind11, sysconfig; print("-isystem", sysconfig.get_path("include"), "-isystem", pybind11.get_include())')
 
 # Both layouts of the ROS 2 build, below build/: copied files, and links to the sources.
