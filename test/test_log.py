@@ -1,9 +1,13 @@
 """The log's writers and its reader: what goes in comes out, what is wrong is refused at once."""
 from pathlib import Path
+from struct import unpack_from
 from threading import Thread
 import time
 
+from mcap.opcode import Opcode
 from mcap.reader import make_reader
+from mcap.records import Chunk, MessageIndex
+from mcap.stream_reader import StreamReader
 import pytest
 from recorded_run import CHAIN_TEXT, CHANNELS, EXTRAS, recorded, SETTINGS, START, write, write_log
 
@@ -105,18 +109,22 @@ def test_a_topic_without_channel_harms_nothing(tmp_path):
         writer.write('/joint_states', b'4', 4, 4)
 
 
-@pytest.mark.parametrize('data, publish_time', [('text', 0), (b'', -1), (b'', 2 ** 64)])
-def test_a_message_that_cannot_be_stored_spoils_no_file(tmp_path, data, publish_time):
-    writer = LogWriter(tmp_path / 'run.mcap', CHANNELS, **EXTRAS)
+@pytest.mark.parametrize('data, publish_time', [('text', 0), (b'', -1), (b'', 2 ** 64), (b'', None)])
+@pytest.mark.parametrize('kind', [LogWriter, BackgroundLogWriter])
+def test_a_message_that_cannot_be_stored_spoils_no_file(tmp_path, kind, data, publish_time):
+    writer = kind(tmp_path / 'run.mcap', CHANNELS, **EXTRAS)
     writer.write('/joint_states', b'1', 1, 1)
-    writer.flush()
-    with pytest.raises(LogError, match='/joint_states got a message that cannot be stored'):
-        writer.write('/joint_states', data, 2, publish_time)
-    with pytest.raises(LogError, match='writing stopped'):
+    reason = 'message that cannot be stored'
+    if kind is LogWriter:
+        with pytest.raises(LogError, match=reason):
+            writer.write('/joint_states', data, 2, publish_time)
         writer.write('/joint_states', b'3', 3, 3)
+    else:
+        writer.write('/joint_states', data, 2, publish_time)
+        assert reason in str(writer.error)
     writer.close()
     log = read_log(tmp_path / 'run.mcap')
-    assert ([message.data for message in log.messages], log.complete) == ([b'1'], False)
+    assert ([message.data for message in log.messages], log.complete) == ([b'1', b'3'][:1 + (kind is LogWriter)], True)
 
 
 def test_an_open_log_names_its_chain_and_settings(tmp_path):
@@ -144,14 +152,55 @@ def test_the_last_message_before_a_silence_is_flushed_too(tmp_path):
             time.sleep(0.01)
 
 
-def test_a_queue_too_long_ends_the_log(tmp_path, monkeypatch):
-    monkeypatch.setattr(log_writer, 'QUEUE_LIMIT', 100)
-    monkeypatch.setattr(log_writer, 'DRAIN_PERIOD', 60.0)   # the disk is slow: the thread never looks
+def test_what_would_be_too_old_at_the_next_look_is_flushed_now(tmp_path):
+    with LogWriter(tmp_path / 'run.mcap', CHANNELS, **EXTRAS, flush_period=600.0) as writer:
+        writer.write('/joint_states', b'1', 1, 1)
+        writer.flush_when_due(1.0)
+        assert writer.backlog == 1
+        writer.flush_when_due(600.0)
+        assert writer.backlog == 0
+
+
+def test_a_long_chunk_ends_before_it_is_old(tmp_path):
+    messages = [bytes(10_000)] * 100
+    with LogWriter(tmp_path / 'run.mcap', CHANNELS, **EXTRAS, flush_period=600.0) as writer:
+        for index, data in enumerate(messages):
+            writer.write('/joint_states', data, index, index)
+    with open(tmp_path / 'run.mcap', 'rb') as file:
+        sizes = [chunk.uncompressed_size for chunk in make_reader(file).get_summary().chunk_indexes]
+    assert sum(sizes) > 1_000_000
+    assert max(sizes) < 300_000   # 256 KiB and what the last message has too much
+
+
+def test_every_entry_of_an_index_leads_to_its_message(tmp_path):
+    written = recorded(3000)
+    path = write_log(tmp_path / 'run.mcap', written, flush_period=600.0)
+    chunk, times = None, []
+    with open(path, 'rb') as file:
+        for record in StreamReader(file, emit_chunks=True).records:
+            if isinstance(record, Chunk):
+                chunk = record
+            elif isinstance(record, MessageIndex):
+                for log_time, place in record.records:
+                    opcode, _, channel, _, time_there = unpack_from('<BQHIQ', chunk.data, place)
+                    assert (opcode, channel, time_there) == (Opcode.MESSAGE, record.channel_id, log_time)
+                    assert chunk.message_start_time <= log_time <= chunk.message_end_time
+                    times.append(log_time)
+    assert len(times) == len(written)
+    with open(path, 'rb') as file:
+        for chunk in make_reader(file).get_summary().chunk_indexes:
+            assert {chunk.message_start_time, chunk.message_end_time} <= set(times)
+
+
+def test_a_backlog_too_long_ends_the_log(tmp_path, monkeypatch):
+    monkeypatch.setattr(log_writer, 'BACKLOG_LIMIT', 20_000)
+    monkeypatch.setattr(log_writer, 'LOOK_PERIOD', 60.0)   # the disk is slow: the thread never looks
     messages = recorded(200)
     writer = BackgroundLogWriter(tmp_path / 'run.mcap', CHANNELS, **EXTRAS, flush_period=600.0)
     write(writer, messages)
-    assert '100 messages behind' in str(writer.error)
-    assert writer.backlog == 100
+    assert '0.02 MB behind' in str(writer.error)
+    taken = writer.backlog
+    assert 100 < taken < 200
     writer.close()
     log = read_log(tmp_path / 'run.mcap')
-    assert (list(log.messages), log.complete) == (messages[:100], True)
+    assert (list(log.messages), log.complete) == (messages[:taken], True)

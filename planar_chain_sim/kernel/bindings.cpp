@@ -80,6 +80,14 @@ PYBIND11_MODULE(_kernel, module) {
       .def("acceleration", &Stepper::acceleration)
       .def("take_events", &Stepper::take_events);
 
+  py::class_<LogChunk>(module, "LogChunk")
+      .def(py::init<>())
+      .def("add_record", &LogChunk::add_record)
+      .def("add_message", &LogChunk::add_message)
+      .def("take", &LogChunk::take)
+      .def_property_readonly("size", &LogChunk::size)
+      .def_readonly("messages", &LogChunk::messages);
+
   module.def("roll_batch", &roll_batch);
   module.def("json_list", &json_list);
   module.def("plain_command", &plain_command);

@@ -7,21 +7,18 @@ process that is killed loses no more than what came in after the last flush.
 """
 from __future__ import annotations
 
-from collections import deque
 from pathlib import Path
 from threading import Event, Thread
-from time import monotonic, sleep
+from time import monotonic
 from typing import Mapping, Optional, Sequence
 
-from .mcap_file import McapFile
+from .mcap_file import CHUNK_SIZE, McapFile
 from .message_types import MESSAGE_TYPES
 from .rosbag2_profile import bag_information, Channel, channel_metadata, NO_TIME
 
 COMPRESSIONS = {'none': '', 'lz4': 'lz4', 'zstd': 'zstd'}
-DRAIN_PERIOD = 0.05         # s between two looks into the queue of a BackgroundLogWriter
-QUEUE_LIMIT = 2 ** 18       # messages, about 100 MB: a disk this far behind will not catch up
-_BATCH = 64                 # messages, 0.1 ms, written before the interpreter is left to the stepping thread ...
-_PAUSE = 2e-5               # s: a queue drained in one go made one wake-up in a hundred 2 ms late
+LOOK_PERIOD = 0.05          # s between two looks of a BackgroundLogWriter's thread at its chunk
+BACKLOG_LIMIT = 10 ** 8     # bytes; a disk this far behind will not catch up
 
 
 class LogError(Exception):
@@ -45,9 +42,10 @@ class LogWriter:
         self._check(flush_period, compression)
         self.flush_period = flush_period
         self._file = self._create()
-        self._failure, self._last_time = None, 0
+        self._failure = None
         try:
             self._mcap = McapFile(self._file, 'ros2', 'planar_chain_sim', COMPRESSIONS[compression])
+            self._chunk = self._mcap.chunk
             self._begin(attachments or {}, metadata or {})
         except OSError as error:
             raise self._fail(error.strerror or str(error)) from None
@@ -61,11 +59,21 @@ class LogWriter:
 
     def write(self, topic: str, data: bytes, log_time_ns: int, publish_time_ns: int, sequence: int = 0) -> None:
         """
-        Append one message (CDR with encapsulation); times in ns since the epoch or the start, sequence taken mod 2**32.
+        Append one message, as append() does; hand what is long or old enough to the system, LogError where that fails.
 
-        Messages of several sources may come slightly out of order: one that is older than its predecessor gets the
-        predecessor's log time, so that the file's log time never goes back; its publish time stays as it is.
-        LogError on a topic with no channel, which harms nothing, and on a failed write, after which the file is closed.
+        After a failed write the file is closed.
+        """
+        self.append(topic, data, log_time_ns, publish_time_ns, sequence)
+        self.flush_when_due()
+
+    def append(self, topic: str, data: bytes, log_time_ns: int, publish_time_ns: int, sequence: int = 0) -> None:
+        """
+        Append one message (CDR with encapsulation) to the chunk in the making, from any thread.
+
+        Times in ns since the epoch or the start; sequence is taken mod 2**32. Messages of several sources may come
+        slightly out of order: one that is older than its predecessor gets the predecessor's log time, so that the
+        file's log time never goes back; its publish time stays as it is. LogError on a topic with no channel and on a
+        message that cannot be stored, which harms nothing, and after a failure.
         """
         if self._failure:
             raise LogError(self._failure)
@@ -73,16 +81,26 @@ class LogWriter:
         if channel_id is None:
             raise LogError(f'log {str(self.path)!r}: topic {topic!r} has no channel, must be one of '
                            f'{", ".join(self._channel_ids)}')
-        if log_time_ns < self._last_time:
-            log_time_ns = self._last_time
         try:
-            self._mcap.add_message(channel_id, log_time_ns, data, publish_time_ns, sequence & 0xFFFFFFFF)
-        except OSError as error:
-            raise self._fail(error.strerror or str(error)) from None
-        except Exception as error:
-            raise self._fail(f'{topic} got a message that cannot be stored ({error})') from None
-        self._last_time = log_time_ns
-        if monotonic() >= self.flush_due:
+            self._chunk.add_message(channel_id, log_time_ns, data, publish_time_ns, sequence & 0xFFFFFFFF)
+        except TypeError:
+            raise LogError(f'log {str(self.path)!r}: {topic} got a message that cannot be stored, '
+                           f'{type(data).__name__} at {log_time_ns!r} and {publish_time_ns!r} ns, must be bytes and '
+                           'whole times below 2**64') from None
+
+    @property
+    def backlog(self) -> int:
+        """Messages that are not handed to the system yet."""
+        return self._chunk.messages
+
+    @property
+    def backlog_size(self) -> int:
+        """Bytes of them."""
+        return self._chunk.size
+
+    def flush_when_due(self, ahead: float = 0.0) -> None:
+        """Flush where the chunk is long enough, or old enough that `ahead` s later were too late; LogError."""
+        if self._chunk.size > CHUNK_SIZE or monotonic() + ahead >= self.flush_due:
             self.flush()
 
     def flush(self) -> None:
@@ -171,13 +189,12 @@ class BackgroundLogWriter:
     The same log, written by a thread of its own, so that the thread which steps the chain never waits for a disk.
 
     Takes LogWriter's arguments and raises its LogError when the file cannot be made. error: None, or the LogError that
-    ended the writing (disk full, disk too slow); messages are then dropped. backlog: messages waiting to be written.
+    ended the writing (disk full, disk too slow, a message that no log takes); messages are then dropped.
     """
 
     def __init__(self, *arguments, **options):
         self._writer = LogWriter(*arguments, **options)
         self.error: Optional[LogError] = None
-        self._queue = deque()
         self._accepting = True
         self._closing = Event()
         self._thread = Thread(target=self._run, name='log writer', daemon=True)
@@ -191,45 +208,39 @@ class BackgroundLogWriter:
 
     @property
     def backlog(self) -> int:
-        """Number of messages that wait for the disk; one that computes faster than real time should watch it."""
-        return len(self._queue)
+        """Messages not handed to the system yet; one that computes faster than real time should watch it."""
+        return self._writer.backlog
 
     def write(self, topic: str, data: bytes, log_time_ns: int, publish_time_ns: int, sequence: int = 0) -> None:
-        """Queue one message as LogWriter.write takes it; never blocks and never raises, from any thread."""
-        if self._accepting:
-            self._queue.append((topic, data, log_time_ns, publish_time_ns, sequence))
-            if len(self._queue) >= QUEUE_LIMIT:
-                self._accepting = False
-                self.error = LogError(f'log {str(self._writer.path)!r}: writing stopped, the disk is '
-                                      f'{QUEUE_LIMIT} messages behind')
+        """Take one message as LogWriter.append does; never blocks and never raises, from any thread."""
+        if not self._accepting:
+            return
+        try:
+            self._writer.append(topic, data, log_time_ns, publish_time_ns, sequence)
+            if self._writer.backlog_size > BACKLOG_LIMIT:
+                raise LogError(f'log {str(self._writer.path)!r}: writing stopped, the disk is '
+                               f'{BACKLOG_LIMIT * 1e-6:g} MB behind')
+        except LogError as error:
+            self._stop(error)
 
     def close(self) -> None:
-        """Write what is queued, finish the file and end the thread; a failure is left in error."""
+        """Write what has been taken, finish the file and end the thread; a failure is left in error."""
         self._accepting = False
         self._closing.set()
         self._thread.join()
+
+    def _stop(self, error: LogError) -> None:
+        self._accepting = False
+        self.error = self.error or error
 
     def _run(self) -> None:
         for work in (self._write_until_closed, self._writer.close):
             try:
                 work()
             except LogError as error:
-                self.error = self.error or error
-                self._accepting = False
-                self._queue.clear()
+                self._stop(error)
 
     def _write_until_closed(self) -> None:
-        period = min(DRAIN_PERIOD, self._writer.flush_period / 4)
-        closing = False
-        while not closing:
-            closing = self._closing.wait(period)
-            self._drain()
-            if monotonic() + period >= self._writer.flush_due:   # the next look would be too late
-                self._writer.flush()
-
-    def _drain(self) -> None:
-        queue, write = self._queue, self._writer.write
-        for index in range(1, len(queue) + 1):
-            write(*queue.popleft())
-            if index % _BATCH == 0:
-                sleep(_PAUSE)
+        period = min(LOOK_PERIOD, self._writer.flush_period / 4)
+        while not self._closing.wait(period):
+            self._writer.flush_when_due(period)   # the next look would be too late

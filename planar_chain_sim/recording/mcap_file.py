@@ -1,7 +1,8 @@
 """
 McapFile: an MCAP file with chunks, indexes and summary (mcap.dev/spec); the forms of its records are the library's.
 
-The library's own writer takes ten times as long over a message, and keeps a kilobyte in memory for every chunk.
+Messages are put into their chunk by the kernel: the library's own writer takes a hundred times as long over one, and
+keeps a kilobyte in memory for every chunk.
 """
 from __future__ import annotations
 
@@ -13,11 +14,11 @@ from mcap import records
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.writer import LIBRARY_IDENTIFIER
-import numpy as np
+
+from .._kernel import LogChunk
 
 MAGIC = b'\x89MCAP0\r\n'
-CHUNK_SIZE = 256 * 1024     # bytes before compression: what is written in one go, and what 100 bytes of memory keep
-_MESSAGE = Struct('<BQHIQQ')   # opcode, length of what follows, channel, sequence, log time, publish time
+CHUNK_SIZE = 256 * 1024     # bytes before compression, and about what is written in one go
 _LENGTH = Struct('<BQ')        # opcode, length
 _CHUNK = Struct('<QQQII')      # first and last log time, size, check sum, length of the compression's name
 _INDEX = Struct('<HI')         # channel, bytes of its index
@@ -46,8 +47,9 @@ class McapFile:
     """
     Writes into a binary stream that begins here; `compression` of chunks: '', 'lz4' or 'zstd'.
 
-    Messages come with log times that never go back. Channels are numbered from 1, as they are added. counts: channel ->
-    messages in closed chunks, first_time, last_time: log times of the first and the last of them.
+    Channels are numbered from 1, as they are added. chunk: LogChunk in the making, to which messages are added; any
+    thread may do that. counts: channel -> messages in closed chunks, first_time, last_time: log times of the first and
+    the last of them.
     """
 
     def __init__(self, stream, profile: str, library: str, compression: str = ''):
@@ -56,7 +58,7 @@ class McapFile:
                                                                      Opcode.METADATA_INDEX: []}
         self._chunk_indexes, self._chunk_count = bytearray(), 0
         self.counts, self.first_time, self.last_time = {}, 0, 0
-        self._parts, self._size, self._places = [], 0, {}   # of the chunk in the making; channel -> [time, offset, ...]
+        self.chunk = LogChunk()
         stream.write(MAGIC + _encoded(records.Header(profile, f'{library} {LIBRARY_IDENTIFIER}')))
 
     def add_attachment(self, name: str, media_type: str, data: bytes) -> None:
@@ -78,29 +80,15 @@ class McapFile:
     def add_schema(self, name: str, encoding: str, data: bytes) -> int:
         """Explain a message type, in the chunk in the making; return its number."""
         self._schemas.append(_encoded(records.Schema(len(self._schemas) + 1, data, encoding, name)))
-        self._append(self._schemas[-1])
+        self.chunk.add_record(self._schemas[-1])
         return len(self._schemas)
 
     def add_channel(self, topic: str, encoding: str, schema: int, metadata: Mapping[str, str]) -> int:
         """Announce a topic, in the chunk in the making; return its number."""
         self._channels.append(_encoded(records.Channel(len(self._channels) + 1, topic, encoding, dict(metadata),
                                                        schema)))
-        self._append(self._channels[-1])
+        self.chunk.add_record(self._channels[-1])
         return len(self._channels)
-
-    def add_message(self, channel: int, log_time: int, data: bytes, publish_time: int, sequence: int) -> None:
-        """Append a message to the chunk in the making; struct.error or TypeError on what cannot be stored."""
-        data = bytes(data)
-        size = len(data)
-        head = _MESSAGE.pack(Opcode.MESSAGE, 22 + size, channel, sequence, log_time, publish_time)
-        places = self._places.get(channel)
-        if places is None:
-            places = self._places[channel] = []
-        places += log_time, self._size
-        self._parts += head, data
-        self._size += 31 + size
-        if self._size > CHUNK_SIZE:
-            self.close_chunk()
 
     def flush(self) -> None:
         """Close the chunk in the making and hand all to the system."""
@@ -131,18 +119,12 @@ class McapFile:
         self._stream.write(_encoded(records.Footer(start, place, crc32(footer, crc32(summary)))))
         self._stream.write(MAGIC)
 
-    def _append(self, record: bytes) -> None:
-        self._parts.append(record)
-        self._size += len(record)
-
     def close_chunk(self) -> None:
         """Write the chunk in the making with its index, if it has a message."""
-        if not self._places:
+        if not self.chunk.messages:
             return
-        stream, places = self._stream, self._places
-        data = b''.join(self._parts)
-        first = min(times[0] for times in places.values())
-        last = max(times[-2] for times in places.values())
+        stream = self._stream
+        data, first, last, places = self.chunk.take()
         compression, stored, start = self._compression.encode(), self._compress(data), stream.tell()
         body = _CHUNK.pack(first, last, len(data), crc32(data), len(compression)) + compression
         body += _TIME.pack(len(stored))
@@ -150,16 +132,14 @@ class McapFile:
         stream.write(stored)
         end = stream.tell()
         indexes, offsets = bytearray(), {}
-        for channel, times in places.items():
+        for channel, entries in places.items():
             offsets[channel] = end + len(indexes)
-            entries = np.array(times, '<u8').tobytes()
             indexes += _LENGTH.pack(Opcode.MESSAGE_INDEX, _INDEX.size + len(entries))
             indexes += _INDEX.pack(channel, len(entries)) + entries
-            self.counts[channel] = self.counts.get(channel, 0) + len(times) // 2
+            self.counts[channel] = self.counts.get(channel, 0) + len(entries) // 16
         stream.write(indexes)
         self._chunk_indexes += _encoded(records.ChunkIndex(
             end - start, start, self._compression, len(stored), last, len(indexes), offsets, first, len(data)))
         self.first_time = self.first_time if self._chunk_count else first
         self.last_time = last
         self._chunk_count += 1
-        self._parts, self._size, self._places = [], 0, {}
