@@ -1,5 +1,14 @@
 """When ticks are due and how states are stamped, on a clock that the test moves."""
-from planar_chain_sim.ros.pacing import Pacing
+import ctypes
+import os
+import platform
+from struct import unpack_from
+import sys
+from threading import Thread
+
+import pytest
+
+from planar_chain_sim.ros.pacing import Pacing, SCHED_SETATTR, TIME_SLICE, wake_punctually
 
 MS = 1_000_000
 WALL = 1_700_000_000_000_000_000
@@ -40,3 +49,26 @@ def test_slower_than_real_time_stamps_follow_the_wall():
     pacing = Pacing(1e-3 / 0.5, WALL)
     pacing.anchor(0, 0)
     assert pacing.stamp(1000) == WALL + 2000 * MS
+
+
+@pytest.mark.skipif(sys.platform != 'linux' or platform.machine() not in SCHED_SETATTR, reason='needs Linux here')
+def test_a_punctual_thread_is_woken_without_slack_and_keeps_its_nice_value():
+    def look():
+        os.setpriority(os.PRIO_PROCESS, 0, 3)  # of this thread
+        for ask in (lambda: None, wake_punctually):
+            ask()
+            attributes = ctypes.create_string_buffer(56)
+            assert libc.syscall(SCHED_SETATTR[platform.machine()] + 1, 0, attributes, 56, 0) == 0   # sched_getattr
+            seen.append((libc.prctl(30, 0, 0, 0, 0), *unpack_from('<IQi4xQ', attributes, 4)))       # PR_GET_TIMERSLACK
+
+    libc, seen = ctypes.CDLL(None), []
+    thread = Thread(target=look)
+    thread.start()
+    thread.join()
+    assert len(seen) == 2
+    before, (slack, policy, flags, nice, runtime) = seen
+    assert before[0] > 1 and before[4] != TIME_SLICE
+    assert (slack, policy, nice) == (1, os.SCHED_OTHER, 3)
+    version = tuple(int(part) for part in platform.release().split('.')[:2])
+    if version >= (6, 12):   # the first that has time slices for each thread
+        assert runtime == TIME_SLICE

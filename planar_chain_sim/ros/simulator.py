@@ -16,7 +16,7 @@ from typing import Optional
 
 from .command_intake import CommandIntake
 from .measurement import Meter
-from .pacing import LONGEST_LATENESS, Pacing, sleep_punctually
+from .pacing import LONGEST_LATENESS, Pacing, wake_punctually
 from .publication import Publication
 from .._kernel import json_list
 from ..changes import apply_change, QUANTITIES, to_json
@@ -107,7 +107,7 @@ class Simulator:
 
     def _run_guarded(self) -> None:
         try:
-            sleep_punctually()
+            wake_punctually()
             self._run()
         except BaseException as error:
             self._done(error)
