@@ -63,6 +63,7 @@ def _control(process, seconds: float, joints: int) -> Watch:
     """Answer states for `seconds` s after the first ones."""
     try:
         import rclpy
+        from rclpy.impl.implementation_singleton import rclpy_implementation
         from rclpy.node import Node
         from sensor_msgs.msg import JointState
         from std_msgs.msg import Float64MultiArray
@@ -81,13 +82,14 @@ def _control(process, seconds: float, joints: int) -> Watch:
             if process.poll() is not None or monotonic() - begun > WAIT:
                 raise Mistake('the simulator did not start')
             sleep(1e-2)
-        return _answer(process.pid, states, commands, seconds, joints)
+        wait_set = rclpy_implementation.WaitSet(1, 0, 0, 0, 0, 0, context.handle)
+        return _answer(process.pid, wait_set, states, commands, seconds, joints)
     finally:
         node.destroy_node()
         context.try_shutdown()
 
 
-def _answer(pid: int, states, commands, seconds: float, joints: int) -> Watch:
+def _answer(pid: int, wait_set, states, commands, seconds: float, joints: int) -> Watch:
     watch, sent, count = Watch(), {}, 0
     effort = np.zeros(joints)
     begun = monotonic() + SETTLE
@@ -100,8 +102,10 @@ def _answer(pid: int, states, commands, seconds: float, joints: int) -> Watch:
             watch.memory.append(resident_memory(pid))
         with states.handle:
             taken = states.handle.take_message(states.msg_type, True)
-        if taken is None:
-            sleep(5e-5)
+        if taken is None:   # wait: who looks again and again takes the core that the node needs
+            wait_set.clear_entities()
+            wait_set.add_subscription(states.handle)
+            wait_set.wait(100_000_000)
             continue
         acted = float(decode_joint_state(taken[0]).effort[0])
         now = monotonic()
