@@ -1,9 +1,9 @@
 """
 A client by another vendor: CycloneDDS, with no ROS in the process, commands the arm and receives its states.
 
-    python cyclone_client.py DOMAIN EFFORT...
+    python cyclone_client.py DOMAIN SOURCE_TIME EFFORT...
 
-It publishes the efforts until a state shows that they act, then says so.
+It publishes the efforts, sent at SOURCE_TIME, ns, as it says, until a state shows that they act, then says so.
 """
 from dataclasses import dataclass
 import os
@@ -69,14 +69,14 @@ class Float64MultiArray(IdlStruct, typename='std_msgs::msg::dds_::Float64MultiAr
 
 
 def main():
-    efforts = [float(value) for value in sys.argv[2:]]
+    efforts = [float(value) for value in sys.argv[3:]]
     participant = DomainParticipant(int(sys.argv[1]))
     qos = Qos(Policy.Reliability.Reliable(duration(milliseconds=100)), Policy.History.KeepLast(10))
     states = DataReader(participant, Topic(participant, 'rt/joint_states', JointState, qos=qos), qos=qos)
     commands = DataWriter(participant, Topic(participant, 'rt/simulator/commands', Float64MultiArray, qos=qos), qos=qos)
     received, end = 0, time.monotonic() + PATIENCE
     while time.monotonic() < end:
-        commands.write(Float64MultiArray(Layout([], 0), efforts))
+        commands.write(Float64MultiArray(Layout([], 0), efforts), timestamp=int(sys.argv[2]))
         for state in states.take(N=100):
             received += 1
             if state.effort == efforts:

@@ -1,4 +1,5 @@
 """Others on the network: another vendor's DDS, a second arm, names of one's own, and those who do harm."""
+from datetime import datetime, timezone
 import json
 import os
 import re
@@ -7,6 +8,7 @@ import subprocess
 import sys
 
 from live import CONFIG, Peer, Process, run, simulator, stamp_ns
+import pytest
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
@@ -23,12 +25,20 @@ def events(path, topic='/simulator/events'):
     return [json.loads(decode_string(m.data)) for m in read_log(path).messages if m.topic == topic]
 
 
-def test_a_client_of_another_vendors_dds_commands_and_listens():
-    with simulator() as process, Process('cyclone_client', os.environ['ROS_DOMAIN_ID'], 1, 2, 3, 4, 5) as client:
+@pytest.mark.parametrize('year, kept', [(2026, True), (2065, False)])   # DDS counts seconds in 32 bits
+def test_a_client_of_another_vendors_dds_commands_and_listens(tmp_path, year, kept):
+    sent = round(datetime(year, 1, 1, tzinfo=timezone.utc).timestamp()) * 10**9
+    path = tmp_path / 'run.mcap'
+    with simulator(record=path) as process, \
+            Process('cyclone_client', os.environ['ROS_DOMAIN_ID'], sent, 1, 2, 3, 4, 5) as client:
         assert client.finish() == 0, client.output
         assert client.output.endswith(f'states of {",".join(JOINTS)}')
         assert process.stop() == 0, process.output
     assert 'Traceback' not in process.output
+    commands = [message for message in read_log(path).messages if message.topic == '/simulator/commands']
+    assert commands
+    for message in commands:
+        assert message.publish_time == (sent if kept else message.log_time)
 
 
 def test_two_arms_side_by_side():

@@ -88,9 +88,10 @@ class Publication:
             self._log.write(self._events_topic, message, now, now)
 
     def record_command(self, topic: str, data: bytes, source_time: int) -> None:
-        """Record a command as it came."""
+        """Record a command as it came; a sender whose clock is before 1970 or, as DDS counts, past 2038 has no time."""
         if self._log:
-            self._log.write(topic, data, self._pacing.wall(monotonic_ns()), source_time)
+            now = self._pacing.wall(monotonic_ns())
+            self._log.write(topic, data, now, source_time if source_time >= 0 else now)
 
     def seen(self) -> bool:
         """Tell whether anybody listens to the states."""
