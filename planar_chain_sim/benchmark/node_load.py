@@ -8,13 +8,14 @@ import subprocess
 import sys
 from tempfile import TemporaryDirectory
 from threading import Thread
-from time import monotonic, sleep, time_ns
+from time import monotonic, monotonic_ns, sleep, thread_time, time_ns
 from typing import Iterator
 
 import numpy as np
 
 from ..command_line import Mistake
 from ..recording.log_reader import read_log
+from ..ros.pacing import wake_punctually
 
 COLUMNS = ('quantity', 'median', 'lowest', 'highest', 'unit')
 STARTS = 5
@@ -87,6 +88,9 @@ def rows(peers: dict, quick: bool = False) -> Iterator[tuple]:
     yield 'state published after its tick was due, p50', np.percentile(late, 50), late.min(), late.max(), 'us'
     yield 'state published after its tick was due, p99', np.percentile(late, 99), late.min(), late.max(), 'us'
     yield 'ticks lost in the log', lost, lost, lost, f'of {len(states)}'
+    share, late = bare_loop(1000.0, watched)
+    yield 'a loop that only wakes up at 1 kHz: CPU share', *_spread([share]), '% of a core'
+    yield 'the same: it woke up after it was due, p99', np.percentile(late, 99), late.min(), late.max(), 'us'
 
 
 def _run(log: Path, observer: Observer, watched: float) -> list[float]:
@@ -107,20 +111,44 @@ def _run(log: Path, observer: Observer, watched: float) -> list[float]:
         for prepare in (lambda: None, observer.leave) if watched else ():
             prepare()
             sleep(1.0)
-            before, mark = _cpu_time(process.pid), monotonic()
+            before, mark = cpu_time(process.pid), monotonic()
             sleep(watched)
-            shares.append((_cpu_time(process.pid) - before) / (monotonic() - mark) * 100.0)
+            shares.append((cpu_time(process.pid) - before) / (monotonic() - mark) * 100.0)
     finally:
         process.send_signal(signal.SIGINT)
         process.communicate(timeout=WAIT)
     return shares
 
 
+def bare_loop(rate: float, seconds: float) -> tuple[float, np.ndarray]:
+    """
+    Wake up at `rate`, Hz, as the node's tick thread does, and do nothing; return CPU share, %, and lateness (n,), us.
+
+    No node can be cheaper or more punctual than that on this machine as busy as it is now.
+    """
+    late, shares = [], []
+
+    def wake():
+        wake_punctually()
+        begun, spent = monotonic_ns(), thread_time()
+        for k in range(1, round(rate * seconds)):
+            due = begun + round(k / rate * 1e9)
+            while (now := monotonic_ns()) < due:
+                sleep((due - now) * 1e-9)
+            late.append(now - due)
+        shares.append((thread_time() - spent) / (monotonic_ns() - begun) * 1e11)
+
+    thread = Thread(target=wake)
+    thread.start()
+    thread.join()
+    return shares[0], np.array(late) * 1e-3
+
+
 def _spread(values: list) -> tuple:
     return np.median(values), min(values), max(values)
 
 
-def _cpu_time(process: int) -> float:
+def cpu_time(process: int) -> float:
     """User and system time of all threads of a process so far, s: proc(5), fields 14 and 15."""
     fields = Path(f'/proc/{process}/stat').read_text().rpartition(')')[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')

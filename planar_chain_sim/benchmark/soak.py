@@ -19,27 +19,35 @@ from time import monotonic, sleep
 
 import numpy as np
 
+from .node_load import bare_loop, cpu_time
 from ..command_line import Mistake, Parser, run_command
 from ..recording.cdr import decode_joint_state, encode_float64_multi_array
 from ..recording.log_reader import read_log
 
 WAIT = 20.0      # s, after which a node that says nothing is given up
 SETTLE = 1.0     # s of running that no figure counts
+IDLE = 5.0       # s of a loop that does nothing, to know the machine by
 STEP = 1e-9      # N m by which a command differs from the one before: nothing moves by it
 
 
 @dataclass
 class Watch:
-    """What the controller saw: seconds from a command to the state on which it acts; resident memory over time, MB."""
+    """
+    What the controller saw: seconds from a command to the state on which it acts; resident memory over time, MB.
+
+    cpu_share, stolen: % of a core, used by the node, and taken from all cores by the host.
+    """
 
     latencies: list = field(default_factory=list)
     memory: list = field(default_factory=list)
     received: int = 0
     cpu_share: float = 0.0
+    stolen: float = 0.0
 
 
 def soak(rate: float, seconds: float, chain: str = 'seven_link_arm.yaml', record: bool = True) -> list[tuple]:
     """Run the node for `seconds` s and return rows (quantity, value, unit); Mistake where it does not start."""
+    idle_share, idle_late = bare_loop(rate, IDLE)
     with TemporaryDirectory() as folder:
         log = Path(folder, 'soak.mcap')
         arguments = [sys.executable, '-m', 'planar_chain_sim.ros.node', '--ros-args', '-p', f'rate:={rate}',
@@ -50,7 +58,10 @@ def soak(rate: float, seconds: float, chain: str = 'seven_link_arm.yaml', record
         finally:
             process.send_signal(signal.SIGINT)
             code = process.wait(WAIT)
-        return list(_rows(watch, rate, log if record else None, code))
+        idle = [('the machine before: a loop that only wakes up', idle_share, '% of a core'),
+                ('the same: it woke up late, p99', float(np.percentile(idle_late, 99)) * 1e-3, 'ms'),
+                ('the machine meanwhile: taken by its host', watch.stolen, '% of a core')]
+        return [*idle, *_rows(watch, rate, log if record else None, code)]
 
 
 def len_of(chain: str) -> int:
@@ -93,10 +104,10 @@ def _answer(pid: int, wait_set, states, commands, seconds: float, joints: int) -
     watch, sent, count = Watch(), {}, 0
     effort = np.zeros(joints)
     begun = monotonic() + SETTLE
-    counting, cpu, memory_due = False, 0.0, 0.0
+    counting, memory_due = False, 0.0
     while (now := monotonic()) < begun + seconds:
         if not counting and now >= begun:
-            counting, cpu = True, cpu_time(pid)
+            counting, cpu, stolen = True, cpu_time(pid), stolen_time()
         if counting and now >= memory_due:
             memory_due = now + max(seconds / 20.0, 0.1)
             watch.memory.append(resident_memory(pid))
@@ -119,6 +130,7 @@ def _answer(pid: int, wait_set, states, commands, seconds: float, joints: int) -
         commands.publish(bytes(encode_float64_multi_array(effort)))
         watch.received += counting
     watch.cpu_share = (cpu_time(pid) - cpu) / seconds * 100.0
+    watch.stolen = (stolen_time() - stolen) / seconds * 100.0
     watch.memory.append(resident_memory(pid))
     return watch
 
@@ -152,10 +164,9 @@ def _rows(watch: Watch, rate: float, log, code: int):
     yield 'lateness, largest', float(late.max()), 'ms'
 
 
-def cpu_time(pid: int) -> float:
-    """User and system time of all threads of a process so far, s: proc(5), fields 14 and 15."""
-    fields = Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
+def stolen_time() -> float:
+    """Time, s, that a virtual machine's processors have had to wait for the host's so far: proc(5), /proc/stat."""
+    return int(Path('/proc/stat').read_text().split(maxsplit=9)[8]) / os.sysconf('SC_CLK_TCK')
 
 
 def resident_memory(pid: int) -> float:
@@ -173,7 +184,7 @@ def _measure(arguments) -> int:
     for rate in options.rate:
         print(f'{rate:g} Hz, {options.seconds:g} s, 7 joints, recording, commanded at every tick by another process')
         for quantity, value, unit in soak(rate, options.seconds):
-            print(f'  {quantity:<40} {value:>10.4g} {unit}', flush=True)
+            print(f'  {quantity:<45} {value:>10.4g} {unit}', flush=True)
     return 0
 
 
