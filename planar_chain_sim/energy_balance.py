@@ -7,6 +7,8 @@ is the integral of d q'^2 over the tick, by Simpson's rule with the middle rate 
 """
 from __future__ import annotations
 
+from typing import Callable
+
 import numpy as np
 
 from .chain import BASE, Chain
@@ -20,20 +22,21 @@ class EnergyBalance:
     Sums over the ticks since restart().
 
     error: J, energy in excess of what the balance says; size: J, the largest of its terms, at least 1e-300.
-    Both are of the last fold().
+    Both are of the last fold(). `read`: turns a list of what add() took into an array (ticks, 3, joints).
     """
 
-    def __init__(self, chain: Chain, step: float, position, velocity):
-        self._step, self._forces = step, {}   # index of a body -> force and moment on it over each tick
-        self._rows = np.empty((ROWS + 1, 3, chain.joint_count))   # position, velocity, effort
+    def __init__(self, chain: Chain, step: float, position, velocity, read: Callable[[list], np.ndarray] = np.array):
+        self._step, self._read, self._rows = step, read, []
+        self._forces = {}   # index of a body -> force and moment on it over each tick
         self.restart(chain, position, velocity)
 
     def restart(self, chain: Chain, position, velocity) -> None:
         """Begin anew from a state (joints,), where the chain or the state was changed from outside."""
-        self._chain, self._count = chain, 0
+        self._chain = chain
+        self._rows.clear()
         self._damping = np.array([joint.damping for joint in chain.joints])
         self._friction = np.array([joint.friction for joint in chain.joints])
-        self._rows[0, :2] = position, velocity
+        self._last = np.array([position, velocity])
         self._start = sum(energy(chain, position, velocity))
         self._work = self._loss = self.error = 0.0
         self.size = max(abs(self._start), 1e-300)
@@ -41,40 +44,42 @@ class EnergyBalance:
     def push(self, body: str, force, moment: float) -> None:
         """Let a force [x, y], N, at a body's joint point, in its axes, and a moment, N m, act from the last tick on."""
         index = [each.name for each in self._chain.bodies].index(body)
-        forces, moments = self._forces.setdefault(index, (np.zeros(ROWS + 1, complex), np.zeros(ROWS + 1)))
-        forces[self._count + 1:], moments[self._count + 1:] = complex(*force), moment
+        forces, moments = self._forces.setdefault(index, (np.zeros(ROWS, complex), np.zeros(ROWS)))
+        done = len(self._rows)
+        forces[done:], moments[done:] = complex(*force), moment
 
     def release(self) -> None:
         """Take all forces and moments away; what they did since the last fold() is forgotten, so restart() next."""
         self._forces.clear()
 
-    def add(self, numbers) -> None:
-        """Take position and velocity at the end of one more tick and the effort that acted over it, (3, joints)."""
-        self._count += 1
-        self._rows[self._count] = numbers
-        if self._count == ROWS:
+    def add(self, row) -> None:
+        """Take position and velocity at the end of one more tick and the effort that acted over it, for `read`."""
+        self._rows.append(row)
+        if len(self._rows) == ROWS:
             self.fold()
 
     def fold(self) -> None:
         """Bring the sums and the error up to the last tick; both may overflow before the state itself does."""
-        with np.errstate(all='ignore'):
-            self._fold()
+        if self._rows:
+            with np.errstate(all='ignore'):
+                self._fold()
 
     def _fold(self) -> None:
-        count = self._count
-        position, velocity, effort = self._rows[:count + 1].transpose(1, 0, 2)
+        rows, count = self._read(self._rows), len(self._rows)
+        self._rows.clear()
+        position, velocity = (np.vstack((last, ends)) for last, ends in zip(self._last, rows[:, :2].swapaxes(0, 1)))
+        self._last = rows[-1, :2].copy()
         travel = np.diff(position, axis=0)
         middle = 1.5 / self._step * travel - 0.25 * (velocity[1:] + velocity[:-1])
-        self._work += float((effort[1:] * travel).sum())
+        self._work += float((rows[:, 2] * travel).sum())
         for index, (force, moment) in self._forces.items():
-            self._work += self._work_of(index, force[1:count + 1], moment[1:count + 1], position, velocity)
+            self._work += self._work_of(index, force[:count], moment[:count], position, velocity)
             force[:], moment[:] = force[-1], moment[-1]
         for law in (lambda rate: self._damping * rate**2, lambda rate: self._friction * abs(rate)):
             self._loss += self._step / 6.0 * float((law(velocity[:-1]) + 4.0 * law(middle) + law(velocity[1:])).sum())
         kinetic, potential = energy(self._chain, position[-1], velocity[-1])
         self.error = kinetic + potential - self._start - self._work + self._loss
         self.size = max(self.size, kinetic, abs(potential), abs(self._work), self._loss)
-        self._rows[0], self._count = self._rows[count].copy(), 0
 
     def _work_of(self, index: int, force, moment, position, velocity) -> float:
         """Return the work of a wrench on a body, J, over the ticks between rows of joint states."""

@@ -97,6 +97,10 @@ def test_round_trip(joints):
     layout.position[:], layout.velocity[:], layout.effort[:] = values
     layout.set_stamp(1_700_000_000_123_456_789)
     check_equal(decode_joint_state(layout.to_bytes()), names, 'rämen', 1_700_000_000_123_456_789, *values)
+    messages = [layout.to_bytes()]
+    layout.velocity[:] = -1.0
+    messages.append(layout.to_bytes())
+    assert np.array_equal(layout.numbers_of(messages), [values, [values[0], [-1.0] * joints, values[2]]])
 
 
 @pytest.mark.parametrize('values', [[], [1.0], [0.1, -np.inf, 3.0]])

@@ -60,9 +60,9 @@ class LogChunk {
   // A record made elsewhere: a schema or a channel.
   void add_record(const std::string_view& record) { records_.insert(records_.end(), record.begin(), record.end()); }
 
-  // A message, given as a bytes-like object. A log time before the last message's is taken for that one's.
-  void add_message(std::uint16_t channel, std::uint64_t log_time, const py::object& data, std::uint64_t publish_time,
-                   std::uint32_t sequence) {
+  // A message, given as a bytes-like object; returns size(). A log time before the last message's is taken for that one's.
+  std::size_t add_message(std::uint16_t channel, std::uint64_t log_time, const py::object& data,
+                          std::uint64_t publish_time, std::uint32_t sequence) {
     Py_buffer view;
     if (PyObject_GetBuffer(data.ptr(), &view, PyBUF_SIMPLE)) throw py::error_already_set();
     const std::unique_ptr<Py_buffer, decltype(&PyBuffer_Release)> release(&view, &PyBuffer_Release);
@@ -80,6 +80,7 @@ class LogChunk {
     records_.insert(records_.end(), bytes, bytes + view.len);
     places_[channel].insert(places_[channel].end(), place.bytes, place.bytes + sizeof place.bytes);
     ++messages;
+    return size();
   }
 
   // Begins the next chunk and returns the records of this one, its first and last log time and {channel: index}, an index

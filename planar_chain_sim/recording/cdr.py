@@ -50,9 +50,8 @@ class JointStateLayout:
     """
     One sensor_msgs/msg/JointState of fixed names and frame, laid out once and patched in place for every tick.
 
-    position, velocity, effort: float64 views (joints,) into the message, numbers: one of all three (3, joints); SI
-    units. Alignment gaps are zero, so equal states give equal bytes. CdrError on a name or frame_id that holds a NUL or
-    is no Unicode text.
+    position, velocity, effort: float64 views (joints,) into the message, SI units. Alignment gaps are zero, so equal
+    states give equal bytes. CdrError on a name or frame_id that holds a NUL or is no Unicode text.
     """
 
     def __init__(self, joint_names: Sequence[str], frame_id: str = ''):
@@ -68,8 +67,9 @@ class JointStateLayout:
         memory = np.frombuffer(bytearray(4) + _ENCAPSULATION + body, np.uint8)
         self._message = memory[4:]
         self._seconds, self._nanoseconds = memory[8:12].view('<i4').data, memory[12:16].view('<u4').data
-        self.numbers = np.ndarray((3, joints), '<f8', memory, 8 + starts[0], (starts[1] - starts[0], 8))
-        self.position, self.velocity, self.effort = self.numbers
+        self._shape, self._start, self._strides = (3, joints), 4 + starts[0], (starts[1] - starts[0], 8)
+        self.position, self.velocity, self.effort = np.ndarray(self._shape, '<f8', memory, 4 + self._start,
+                                                               self._strides)
 
     def set_stamp(self, nanoseconds: int) -> None:
         """Put the time (int, ns) into header.stamp; CdrError where its seconds do not fit into an int32."""
@@ -82,6 +82,11 @@ class JointStateLayout:
     def to_bytes(self) -> bytes:
         """Return a copy of the message as it stands, encapsulation included."""
         return self._message.tobytes()
+
+    def numbers_of(self, messages: Sequence[bytes]) -> np.ndarray:
+        """Return position, velocity and effort (messages, 3, joints) of messages that to_bytes() returned."""
+        return np.ndarray((len(messages), *self._shape), '<f8', b''.join(messages), self._start,
+                          (self._message.size, *self._strides))
 
 
 class ClockLayout:

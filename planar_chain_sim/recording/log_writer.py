@@ -66,9 +66,9 @@ class LogWriter:
         self.append(topic, data, log_time_ns, publish_time_ns, sequence)
         self.flush_when_due()
 
-    def append(self, topic: str, data: bytes, log_time_ns: int, publish_time_ns: int, sequence: int = 0) -> None:
+    def append(self, topic: str, data: bytes, log_time_ns: int, publish_time_ns: int, sequence: int = 0) -> int:
         """
-        Append one message (CDR with encapsulation) to the chunk in the making, from any thread.
+        Append one message (CDR with encapsulation) to the chunk in the making, from any thread; return its size, bytes.
 
         Times in ns since the epoch or the start; sequence is taken mod 2**32. Messages of several sources may come
         slightly out of order: one that is older than its predecessor gets the predecessor's log time, so that the
@@ -82,7 +82,7 @@ class LogWriter:
             raise LogError(f'log {str(self.path)!r}: topic {topic!r} has no channel, must be one of '
                            f'{", ".join(self._channel_ids)}')
         try:
-            self._chunk.add_message(channel_id, log_time_ns, data, publish_time_ns, sequence & 0xFFFFFFFF)
+            return self._chunk.add_message(channel_id, log_time_ns, data, publish_time_ns, sequence & 0xFFFFFFFF)
         except TypeError:
             raise LogError(f'log {str(self.path)!r}: {topic} got a message that cannot be stored, '
                            f'{type(data).__name__} at {log_time_ns!r} and {publish_time_ns!r} ns, must be bytes and '
@@ -92,11 +92,6 @@ class LogWriter:
     def backlog(self) -> int:
         """Messages that are not handed to the system yet."""
         return self._chunk.messages
-
-    @property
-    def backlog_size(self) -> int:
-        """Bytes of them."""
-        return self._chunk.size
 
     def flush_when_due(self, ahead: float = 0.0) -> None:
         """Flush where the chunk is long enough, or old enough that `ahead` s later were too late; LogError."""
@@ -216,8 +211,7 @@ class BackgroundLogWriter:
         if not self._accepting:
             return
         try:
-            self._writer.append(topic, data, log_time_ns, publish_time_ns, sequence)
-            if self._writer.backlog_size > BACKLOG_LIMIT:
+            if self._writer.append(topic, data, log_time_ns, publish_time_ns, sequence) > BACKLOG_LIMIT:
                 raise LogError(f'log {str(self._writer.path)!r}: writing stopped, the disk is '
                                f'{BACKLOG_LIMIT * 1e-6:g} MB behind')
         except LogError as error:

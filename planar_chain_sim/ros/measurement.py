@@ -29,10 +29,15 @@ class Measurement(NamedTuple):
 
 
 class Meter:
-    """Counts while the tick thread runs; only that thread touches it. balance: the EnergyBalance to feed."""
+    """
+    Counts while the tick thread runs; only that thread touches it.
 
-    def __init__(self, simulation):
-        self.balance = EnergyBalance(simulation.chain, simulation.step, simulation.position, simulation.velocity)
+    balance: the EnergyBalance, to be fed with the messages (bytes) of `layout` that tell of each tick.
+    """
+
+    def __init__(self, simulation, layout):
+        self.balance = EnergyBalance(simulation.chain, simulation.step, simulation.position, simulation.velocity,
+                                     layout.numbers_of)
         self._step = simulation.step
         self._missed, self._dropped = 0, 0.0
         self._ticks = self._sum = self._largest = 0  # wake-ups and their lateness, ns, since the last look

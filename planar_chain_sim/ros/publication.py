@@ -14,7 +14,7 @@ class Publication:
 
     `values`: the node's parameters. `publishers`: key of OUTPUTS -> publisher. `log`: BackgroundLogWriter or None.
     `outcome`: rows for Simulation.advance, so that the kernel writes a tick's outcome straight into the message.
-    `stamp`: ns, of the state last shown.
+    `stamp`: ns, and `message`: bytes, of the state last shown.
     """
 
     def __init__(self, simulation, values, publishers, log, pacing):
@@ -26,7 +26,7 @@ class Publication:
         self.layout = layout = JointStateLayout(simulation.chain.joint_names, values['frame_id'])
         self._clock_layout = ClockLayout()
         self.outcome = layout.position[None], layout.velocity[None], layout.effort[None]
-        self.stamp, self._waiting = 0, []
+        self.stamp, self.message, self._waiting = 0, b'', []
         self.ticks_per_state = round(values['rate'] / values['publish_rate'])
 
     def lay_out(self) -> None:
@@ -40,7 +40,7 @@ class Publication:
         tick = self._simulation.tick
         stamp = self._pacing.stamp(tick)
         self.layout.set_stamp(stamp)
-        data = self.layout.to_bytes()
+        self.message = data = self.layout.to_bytes()
         if record and self._log:
             self._log.write(self._state_topic, data, self._pacing.wall(monotonic_ns()), stamp, tick)
         if publish:

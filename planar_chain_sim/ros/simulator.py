@@ -52,7 +52,7 @@ class Simulator:
         self._intake = CommandIntake(simulation.chain, inputs, context, self._publication, self._warn)
         self._held = self._intake.held
         self._wrenches = {}  # body -> the change 'wrench' that made what acts on it
-        self._meter = Meter(simulation)
+        self._meter = Meter(simulation, self._publication.layout)
         self._paused, self._divergence = values['start_paused'], None
         self._look_due = self._repeat_due = 0
         self._requests, self._stopping = deque(), False
@@ -186,7 +186,7 @@ class Simulator:
             return False
         self._tell_joint_events()
         self._show(record=True, publish=publish or not simulation.tick % publication.ticks_per_state)
-        self._meter.balance.add(publication.layout.numbers)
+        self._meter.balance.add(publication.message)
         return True
 
     def _tell_joint_events(self) -> None:
