@@ -41,12 +41,13 @@ class Publication:
         stamp = self._pacing.stamp(tick)
         self.layout.set_stamp(stamp)
         self.message = data = self.layout.to_bytes()
-        if record and self._log:
-            self._log.write(self._state_topic, data, self._pacing.wall(monotonic_ns()), stamp, tick)
+        now = monotonic_ns()
         if publish:
             if self._clock:
                 self._tick_clock(stamp, record)
             self._state.publish_raw(data)
+        if record and self._log:   # the others wait, the log does not
+            self._log.write(self._state_topic, data, self._pacing.wall(now), stamp, tick)
         self.stamp = stamp
         if self._waiting:
             self._publish_events()
