@@ -1,4 +1,5 @@
 """The log's writers and its reader: what goes in comes out, what is wrong is refused at once."""
+from errno import ENOSPC
 from pathlib import Path
 from struct import unpack_from
 from threading import Thread
@@ -15,6 +16,7 @@ from planar_chain_sim.recording import log_writer
 from planar_chain_sim.recording.cdr import encode_string
 from planar_chain_sim.recording.log_reader import read_log
 from planar_chain_sim.recording.log_writer import BackgroundLogWriter, Channel, LogError, LogWriter
+from planar_chain_sim.recording.mcap_file import McapFile
 
 
 @pytest.mark.parametrize('compression', log_writer.COMPRESSIONS)
@@ -159,6 +161,21 @@ def test_what_would_be_too_old_at_the_next_look_is_flushed_now(tmp_path):
         assert writer.backlog == 1
         writer.flush_when_due(600.0)
         assert writer.backlog == 0
+
+
+def test_after_a_failure_no_message_waits(tmp_path, monkeypatch):
+    # What comes in while the disk fails is in a chunk that nobody will write: one who waits for it would never go on.
+    def flush(mcap):
+        raise OSError(ENOSPC, 'No space left on device')
+
+    writer = LogWriter(tmp_path / 'run.mcap', CHANNELS, **EXTRAS, flush_period=600.0)
+    messages = recorded(100)
+    write(writer, messages)
+    assert writer.backlog == len(messages)
+    monkeypatch.setattr(McapFile, 'flush', flush)
+    with pytest.raises(LogError, match='writing stopped, No space left on device'):
+        writer.flush()
+    assert writer.backlog == 0
 
 
 def test_a_long_chunk_ends_before_it_is_old(tmp_path):

@@ -90,8 +90,8 @@ class LogWriter:
 
     @property
     def backlog(self) -> int:
-        """Messages that are not handed to the system yet."""
-        return self._chunk.messages
+        """Messages that wait to be handed to the system; after a failure none does."""
+        return 0 if self._failure else self._chunk.messages
 
     def flush_when_due(self, ahead: float = 0.0) -> None:
         """Flush where the chunk is long enough, or old enough that `ahead` s later were too late; LogError."""
