@@ -223,7 +223,10 @@ def test_as_fast_as_possible_and_slower_than_time():
         peer.call('pause', False)
         peer.new_state(lambda state: stamp_ns(state) > 20 * 10**9)
         assert peer.set(real_time_factor=0.5) == [(True, '')]
-        begun, wall = stamp_ns(peer.new_state()), time.monotonic()
+        slow = next(event['tick'] for event in events(peer, 'parameter')[::-1]
+                    if event['data']['name'] == 'real_time_factor')
+        begun = stamp_ns(peer.new_state(lambda state: stamp_ns(state) > slow * MS))
+        wall = time.monotonic()
         ended = stamp_ns(peer.new_state(lambda state: stamp_ns(state) > begun + 300 * MS))
         assert ended - begun < 0.55 * (time.monotonic() - wall) * 1e9 + 50 * MS, 'no more than half of what passed'
         assert not events(peer, 'dropped_time')
