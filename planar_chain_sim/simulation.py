@@ -175,6 +175,11 @@ class Simulation:
         """Counts since the start: evaluations, steps, rejected steps, events."""
         return dict(zip(('evaluations', 'steps', 'rejected_steps', 'events'), self._counts()))
 
+    @property
+    def has_events(self) -> bool:
+        """Whether the scene has stops or friction; else take_events() has nothing ever."""
+        return not {'stops', 'friction'}.isdisjoint(plan_of(self.chain).used)
+
     def take_events(self) -> list[JointEvent]:
         """Return stops touched and left, joints stuck and slipped since the last call; at most 4096 are kept."""
         fresh = self._stepper.take_events()

@@ -20,9 +20,8 @@ def recorded(ticks):
     run = []
     for tick in range(ticks):
         stamp = START + tick * 1_000_000
-        layout.set_stamp(stamp)
         layout.position[:] = tick, -tick
-        run.append(('/joint_states', layout.to_bytes(), stamp, stamp - 5, tick))
+        run.append(('/joint_states', layout.stamped(stamp), stamp, stamp - 5, tick))
         if tick % 3 == 0:
             run.append(('/simulator/commands', encode_float64_multi_array([tick, 0.5]), stamp + 7, stamp, 0))
             run.append(('/simulator/events', encode_string(f'{{"tick": {tick}}}'), stamp + 7, stamp + 7, 2 ** 32 - 1))

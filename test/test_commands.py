@@ -15,7 +15,7 @@ IN_ORDER, BY_NAME = 'std_msgs/msg/Float64MultiArray', 'sensor_msgs/msg/JointStat
 def joint_state(**efforts):
     layout = JointStateLayout(list(efforts))
     layout.effort[:] = list(efforts.values())
-    return layout.to_bytes()
+    return layout.stamped(0)
 
 
 @pytest.fixture
@@ -55,8 +55,7 @@ def test_in_order(reader):
 def test_by_name_in_the_order_of_the_message_with_its_stamp(reader):
     layout = JointStateLayout(['c', 'a'])
     layout.effort[:] = -3.0, 9.0
-    layout.set_stamp(1_000_000_007)
-    command = reader.read(BY_NAME, layout.to_bytes())
+    command = reader.read(BY_NAME, layout.stamped(1_000_000_007))
     assert parts(command) == ([2, 0], [-3.0, 9.0]) and command.unknown == () and command.stamp == 1_000_000_007
 
 

@@ -36,11 +36,10 @@ def log(tmp_path_factory):
         for k in range(COUNT):
             now = START + k * APART
             layout.position[:] = k, -k
-            layout.set_stamp(now)
-            writer.write(STATES, layout.to_bytes(), now, now, k)
+            writer.write(STATES, layout.stamped(now), now, now, k)
             writer.write(COMMANDS, encode_float64_multi_array([k, 0.5]), now, now)
             layout.effort[:] = 3 * k, 0.1
-            writer.write(BY_NAME, layout.to_bytes(), now, now)
+            writer.write(BY_NAME, layout.stamped(now), now, now)
             writer.write('/simulator/events', encode_string('{}'), now, now)
     return path
 
@@ -107,8 +106,7 @@ def test_states_remapped_slower_and_from_later_on(log):
     for k, (data, _) in enumerate(ear.heard['ghost'], start=20):
         layout.position[:] = k, -k
         layout.effort[:] = (3 * (k - 1), 0.1)
-        layout.set_stamp(START + k * APART)
-        assert data == layout.to_bytes()
+        assert data == layout.stamped(START + k * APART)
     assert len(ear.heard['ghost']) == COUNT - 20 and not ear.heard['simulator__commands']
     recorded = (COUNT - 21) * APART * 1e-9
     assert recorded / 0.5 - 0.02 < ear.seconds('ghost') < recorded / 0.5 + 1.0

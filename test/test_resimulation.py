@@ -77,9 +77,9 @@ def test_one_flipped_bit_in_the_file_is_named(log, tmp_path, capsys, quantity, j
     layout = JointStateLayout(chain.joint_names)
     start = content.index(found)
     assert content.find(found, start + 1) == -1
-    clean = layout.to_bytes()
+    clean = layout.stamped(0)
     getattr(layout, quantity)[joint] = struct.unpack('<d', b'\xff' * 6 + b'\xef\x3f')[0]     # all bits of the mantissa
-    offset = next(k for k, (a, b) in enumerate(zip(clean, layout.to_bytes())) if a != b)
+    offset = next(k for k, (a, b) in enumerate(zip(clean, layout.stamped(0))) if a != b)
     content[start + offset] ^= 1
     flipped = tmp_path / 'flipped.mcap'
     flipped.write_bytes(content)

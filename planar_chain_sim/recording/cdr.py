@@ -71,20 +71,21 @@ class JointStateLayout:
         self.position, self.velocity, self.effort = np.ndarray(self._shape, '<f8', memory, 4 + self._start,
                                                                self._strides)
 
-    def set_stamp(self, nanoseconds: int) -> None:
-        """Put the time (int, ns) into header.stamp; CdrError where its seconds do not fit into an int32."""
+    def stamped(self, nanoseconds: int) -> bytes:
+        """
+        Put the time (int, ns) into header.stamp and return a copy of the message, encapsulation included.
+
+        CdrError where the seconds do not fit into an int32.
+        """
         seconds = nanoseconds // 1_000_000_000
         try:
             self._seconds[0], self._nanoseconds[0] = seconds, nanoseconds - seconds * 1_000_000_000
         except ValueError:
             raise CdrError(f'stamp {nanoseconds} ns: its seconds do not fit into the int32 of ROS time') from None
-
-    def to_bytes(self) -> bytes:
-        """Return a copy of the message as it stands, encapsulation included."""
         return self._message.tobytes()
 
     def numbers_of(self, messages: Sequence[bytes]) -> np.ndarray:
-        """Return position, velocity and effort (messages, 3, joints) of messages that to_bytes() returned."""
+        """Return position, velocity and effort (messages, 3, joints) of messages that stamped() returned."""
         return np.ndarray((len(messages), *self._shape), '<f8', b''.join(messages), self._start,
                           (self._message.size, *self._strides))
 
@@ -95,12 +96,9 @@ class ClockLayout:
     def __init__(self):
         self._message = bytearray(_ENCAPSULATION + bytes(_STAMP.size))
 
-    def set_stamp(self, nanoseconds: int) -> None:
-        """Put the time (int, ns) in, which must fit as in JointStateLayout."""
+    def stamped(self, nanoseconds: int) -> bytes:
+        """Put the time (int, ns) in, which must fit as in JointStateLayout, and return a copy of the message."""
         _STAMP.pack_into(self._message, len(_ENCAPSULATION), *divmod(nanoseconds, 1_000_000_000))
-
-    def to_bytes(self) -> bytes:
-        """Return a copy of the message as it stands, encapsulation included."""
         return bytes(self._message)
 
 

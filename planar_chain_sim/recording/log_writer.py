@@ -45,7 +45,7 @@ class LogWriter:
         self._failure = None
         try:
             self._mcap = McapFile(self._file, 'ros2', 'planar_chain_sim', COMPRESSIONS[compression])
-            self._chunk = self._mcap.chunk
+            self.chunk = self._mcap.chunk
             self._begin(attachments or {}, metadata or {})
         except OSError as error:
             raise self._fail(error.strerror or str(error)) from None
@@ -77,12 +77,12 @@ class LogWriter:
         """
         if self._failure:
             raise LogError(self._failure)
-        channel_id = self._channel_ids.get(topic)
+        channel_id = self.channel_ids.get(topic)
         if channel_id is None:
             raise LogError(f'log {str(self.path)!r}: topic {topic!r} has no channel, must be one of '
-                           f'{", ".join(self._channel_ids)}')
+                           f'{", ".join(self.channel_ids)}')
         try:
-            return self._chunk.add_message(channel_id, log_time_ns, data, publish_time_ns, sequence & 0xFFFFFFFF)
+            return self.chunk.add_message(channel_id, log_time_ns, data, publish_time_ns, sequence & 0xFFFFFFFF)
         except TypeError:
             raise LogError(f'log {str(self.path)!r}: {topic} got a message that cannot be stored, '
                            f'{type(data).__name__} at {log_time_ns!r} and {publish_time_ns!r} ns, must be bytes and '
@@ -91,11 +91,11 @@ class LogWriter:
     @property
     def backlog(self) -> int:
         """Messages that wait to be handed to the system; after a failure none does."""
-        return 0 if self._failure else self._chunk.messages
+        return 0 if self._failure else self.chunk.messages
 
     def flush_when_due(self, ahead: float = 0.0) -> None:
         """Flush where the chunk is long enough, or old enough that `ahead` s later were too late; LogError."""
-        if self._chunk.size > CHUNK_SIZE or monotonic() + ahead >= self.flush_due:
+        if self.chunk.size > CHUNK_SIZE or monotonic() + ahead >= self.flush_due:
             self.flush()
 
     def flush(self) -> None:
@@ -158,12 +158,12 @@ class LogWriter:
         mcap.add_metadata('rosbag2', self._bag_information())
         self._file.flush()
 
-        schemas, self._channel_ids = {}, {}
+        schemas, self.channel_ids = {}, {}
         for channel in self._channels:
             name = channel.type_name
             if name not in schemas:
                 schemas[name] = mcap.add_schema(name, 'ros2msg', MESSAGE_TYPES[name].definition.encode())
-            self._channel_ids[channel.topic] = mcap.add_channel(channel.topic, 'cdr', schemas[name],
+            self.channel_ids[channel.topic] = mcap.add_channel(channel.topic, 'cdr', schemas[name],
                                                                 channel_metadata(channel))
 
     def _bag_information(self) -> dict:
@@ -189,6 +189,7 @@ class BackgroundLogWriter:
 
     def __init__(self, *arguments, **options):
         self._writer = LogWriter(*arguments, **options)
+        self._add, self._channel_ids = self._writer.chunk.add_message, self._writer.channel_ids
         self.error: Optional[LogError] = None
         self._accepting = True
         self._closing = Event()
@@ -210,12 +211,16 @@ class BackgroundLogWriter:
         """Take one message as LogWriter.append does; never blocks and never raises, from any thread."""
         if not self._accepting:
             return
-        try:
-            if self._writer.append(topic, data, log_time_ns, publish_time_ns, sequence) > BACKLOG_LIMIT:
-                raise LogError(f'log {str(self._writer.path)!r}: writing stopped, the disk is '
-                               f'{BACKLOG_LIMIT * 1e-6:g} MB behind')
-        except LogError as error:
-            self._stop(error)
+        try:   # what append() does in less time, as several messages come at every tick; it tells what is wrong with one
+            size = self._add(self._channel_ids[topic], log_time_ns, data, publish_time_ns, sequence)
+            if size > BACKLOG_LIMIT:
+                self._stop(LogError(f'log {str(self._writer.path)!r}: writing stopped, the disk is '
+                                    f'{BACKLOG_LIMIT * 1e-6:g} MB behind'))
+        except (KeyError, TypeError):
+            try:
+                self._writer.append(topic, data, log_time_ns, publish_time_ns, sequence)
+            except LogError as error:
+                self._stop(error)
 
     def close(self) -> None:
         """Write what has been taken, finish the file and end the thread; a failure is left in error."""

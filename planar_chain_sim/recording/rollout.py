@@ -48,8 +48,7 @@ class OfflineLog:
         layout = self._layout
         layout.position[:], layout.velocity[:], layout.effort[:] = position, velocity, effort
         time = self._nanoseconds(tick)
-        layout.set_stamp(time)
-        self._writer.write(STATE_TOPIC, layout.to_bytes(), time, time, tick)
+        self._writer.write(STATE_TOPIC, layout.stamped(time), time, time, tick)
 
     def write_command(self, tick: int, effort) -> None:
         """Append the event of a commanded effort (joints,) that acts from this tick on, if it differs from the last."""

@@ -28,7 +28,7 @@ class CommandIntake:
         self._names, self._inputs, self._publication, self._warn = chain.joint_names, inputs, publication, warn
         self._topics = {key: subscription.topic_name for key, subscription in inputs.items()}
         # Bound once: subscriptions outlive the thread that takes from them, and it does so at every tick.
-        self._takes = {key: (subscription.handle.take_message, subscription.msg_type)
+        self._takes = {key: (subscription.handle.take_message, subscription.msg_type, range(INPUTS[key].depth))
                        for key, subscription in inputs.items()}
         self._reader = CommandReader(self._names)
         self._wrench_reader = WrenchReader([body.name for body in chain.bodies])
@@ -117,8 +117,8 @@ class CommandIntake:
         keys, self._next = self._next, self._heard
         arrived = []
         for key in keys:
-            take, message_type = self._takes[key]
-            for _ in range(INPUTS[key].depth):  # not until it is empty: a flood could keep us here
+            take, message_type, depth = self._takes[key]
+            for _ in depth:  # not until it is empty: a flood could keep us here
                 taken = take(message_type, True)
                 if taken is None:
                     break

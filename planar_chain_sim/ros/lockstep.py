@@ -61,7 +61,7 @@ class LockstepSimulator(Simulator):
         """Take the answers that have come, and tell which efforts act when all are there."""
         self._topic = self._intake.latch(self._simulation.tick, self._answers) or self._topic
         self._push()
-        if self._answers.complete:
+        if self._topic and self._answers.complete:
             self._tell_command(self._topic)
             self._topic = None
 

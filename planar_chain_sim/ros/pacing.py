@@ -47,13 +47,13 @@ class Pacing:
 
     def __init__(self, period: float, wall_minus_steady: int, step: Optional[float] = None):
         self.period, self._step = period * 1e9, step
-        self._wall_minus_steady = wall_minus_steady
+        self.wall_minus_steady = wall_minus_steady
         self._tick = self._start = self.stamp_minus_due = 0
         self._asked = None  # tick whose due time is kept
 
     def anchor(self, tick: int, now: int) -> None:
         """Let `tick` be due now: at the start and after a pause. Its stamp is now, or later where stamps are ahead."""
-        self.stamp_minus_due = max(self._wall_minus_steady, self.stamp(tick) - now)
+        self.stamp_minus_due = max(self.wall_minus_steady, self.stamp(tick) - now)
         self._tick, self._start, self._asked = tick, now, None
 
     def set_period(self, period: float, tick: int, now: int) -> None:
@@ -70,10 +70,6 @@ class Pacing:
     def stamp(self, tick: int) -> int:
         """Return the time of the state at `tick`, since the epoch or simulated: it never goes back."""
         return simulated_time(tick, self._step) if self._step else self.due(tick) + self.stamp_minus_due
-
-    def wall(self, now: int) -> int:
-        """Return `now` since the epoch."""
-        return now + self._wall_minus_steady
 
     def drop(self, tick: int, now: int) -> int:
         """Let `tick` be due now instead of when it was, stamps likewise; return the time dropped."""

@@ -19,6 +19,7 @@ class Publication:
 
     def __init__(self, simulation, values, publishers, log, pacing):
         self._simulation, self._log, self._pacing = simulation, log, pacing
+        self._wall_minus_steady = pacing.wall_minus_steady
         self._state_topic, self._events_topic = publishers['state'].topic_name, publishers['events'].topic_name
         # Publishers outlive the thread that publishes; the handles spare it half of what a message takes.
         self._state, self._events = publishers['state'].handle, publishers['events'].handle
@@ -39,15 +40,14 @@ class Publication:
         """Record and publish the laid out state, or one of both."""
         tick = self._simulation.tick
         stamp = self._pacing.stamp(tick)
-        self.layout.set_stamp(stamp)
-        self.message = data = self.layout.to_bytes()
+        self.message = data = self.layout.stamped(stamp)
         now = monotonic_ns()
         if publish:
             if self._clock:
                 self._tick_clock(stamp, record)
             self._state.publish_raw(data)
         if record and self._log:   # the others wait, the log does not
-            self._log.write(self._state_topic, data, self._pacing.wall(now), stamp, tick)
+            self._log.write(self._state_topic, data, now + self._wall_minus_steady, stamp, tick)
         self.stamp = stamp
         if self._waiting:
             self._publish_events()
@@ -61,11 +61,10 @@ class Publication:
 
     def _tick_clock(self, stamp: int, record: bool) -> None:
         """Publish the time before the state that bears it, so that no listener sees a state from the future."""
-        self._clock_layout.set_stamp(stamp)
-        data = self._clock_layout.to_bytes()
+        data = self._clock_layout.stamped(stamp)
         self._clock.publish(data)
         if record and self._log:
-            self._log.write(self._clock.topic_name, data, self._pacing.wall(monotonic_ns()), stamp)
+            self._log.write(self._clock.topic_name, data, monotonic_ns() + self._wall_minus_steady, stamp)
 
     def event(self, kind: str, **data) -> None:
         """Publish an event of the present tick and record it."""
@@ -85,13 +84,13 @@ class Publication:
         """Do as tell() does with an event that is encoded already."""
         self._waiting.append(message)
         if self._log:
-            now = self._pacing.wall(monotonic_ns())
+            now = monotonic_ns() + self._wall_minus_steady
             self._log.write(self._events_topic, message, now, now)
 
     def record_command(self, topic: str, data: bytes, source_time: int) -> None:
         """Record a command as it came; a sender whose clock is before 1970 or, as DDS counts, past 2038 has no time."""
         if self._log:
-            now = self._pacing.wall(monotonic_ns())
+            now = monotonic_ns() + self._wall_minus_steady
             self._log.write(topic, data, now, source_time if source_time >= 0 else now)
 
     def seen(self) -> bool:

@@ -53,6 +53,7 @@ class Simulator:
         self._held = self._intake.held
         self._wrenches = {}  # body -> the change 'wrench' that made what acts on it
         self._meter = Meter(simulation, self._publication.layout)
+        self._has_joint_events = simulation.has_events
         self._paused, self._divergence = values['start_paused'], None
         self._look_due = self._repeat_due = 0
         self._requests, self._stopping = deque(), False
@@ -157,7 +158,9 @@ class Simulator:
         due = pacing.due(tick)
         if now < due:
             sleep(min(due - now, LONGEST_SLEEP) * 1e-9)
-            return
+            now = monotonic_ns()
+            if now < due or self._requests:
+                return
         late = now - due
         self._meter.late(late, pacing.period)
         if late > LONGEST_LATENESS:
@@ -184,7 +187,8 @@ class Simulator:
                               time=error.time, position=error.position.tolist(), velocity=error.velocity.tolist())
             self._logger.error(f'{error}; ~/reset goes on from the initial state')
             return False
-        self._tell_joint_events()
+        if self._has_joint_events:
+            self._tell_joint_events()
         self._show(record=True, publish=publish or not simulation.tick % publication.ticks_per_state)
         self._meter.balance.add(publication.message)
         return True
@@ -201,8 +205,11 @@ class Simulator:
     def _latch(self) -> None:
         """Take the commands that have come, let joints that were commanded too long ago go, and tell of both."""
         tick, timeout = self._simulation.tick, self._values['command_timeout']
-        self._tell_command(self._intake.latch(tick))
-        self._push()
+        topic = self._intake.latch(tick)
+        if topic:
+            self._tell_command(topic)
+        if self._intake.wrenches:
+            self._push()
         if timeout and self._held.commanded:
             silent = self._held.expire(tick, timeout / self._simulation.step * (1.0 - 1e-12))
             if silent:
@@ -223,11 +230,10 @@ class Simulator:
                 self._meter.balance.push(body, wrench['force'], wrench['moment'])
                 self._publication.event('wrench', **wrench)
 
-    def _tell_command(self, topic: Optional[str]) -> None:
-        """Tell the efforts that act from now on, where a command on `topic` has changed them."""
-        if topic:
-            # Up to once a tick, so written by hand: json.dumps takes as long as the whole motion. Floats are the same.
-            self._publication.tell('command', '{"topic": "%s", "effort": %s}' % (topic, json_list(self._held.effort)))
+    def _tell_command(self, topic: str) -> None:
+        """Tell the efforts that act from now on, which a command on `topic` has changed."""
+        # Up to once a tick, so written by hand: json.dumps takes as long as the whole motion. Floats are the same.
+        self._publication.tell('command', '{"topic": "%s", "effort": %s}' % (topic, json_list(self._held.effort)))
 
     def _look(self) -> None:
         """Look at what needs no look at every tick: is there still a controller, is there still a log."""
