@@ -101,7 +101,7 @@ class Peer:
     def __init__(self, name='simulator', namespace=''):
         self.context = rclpy.Context()
         rclpy.init(context=self.context, signal_handler_options=SignalHandlerOptions.NO)
-        # Without /rosout: of two nodes of one name in a process, the one that goes first destroys the other's publisher.
+        # Without /rosout: of two nodes of one name in a process, the one that goes first takes the other's publisher.
         self.node = Node('peer', context=self.context, enable_rosout=False)
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)

@@ -40,6 +40,12 @@ def with_laws(chain, **laws):
         for body in chain.bodies))
 
 
+@pytest.mark.parametrize('joint, has', [({}, False), ({'damping': 1.0, 'stiffness': 2.0, 'effort_limit': 3.0}, False),
+                                        ({'lower': -1.0}, True), ({'upper': 1.0}, True), ({'friction': 0.1}, True)])
+def test_only_scenes_with_stops_or_friction_have_events(joint, has):
+    assert pcs.Simulation(block(**joint)).has_events is has
+
+
 @pytest.mark.parametrize('method', EXACT)
 def test_a_bouncing_block_meets_the_ground_when_the_closed_form_says(method):
     """Oracle: impact k at t_1 (1 + 2 (e + ... + e^k)), speed e^k v_1; every method is exact on a parabola."""

@@ -68,8 +68,9 @@ def test_log_time_never_goes_back(tmp_path):
     assert [message.publish_time for message in messages] == [20, 10, 30, 29]
 
 
-def test_sequence_is_taken_modulo_two_to_the_32(tmp_path):
-    with LogWriter(tmp_path / 'run.mcap', CHANNELS, **EXTRAS) as writer:
+@pytest.mark.parametrize('kind', [LogWriter, BackgroundLogWriter])
+def test_sequence_is_taken_modulo_two_to_the_32(kind, tmp_path):
+    with kind(tmp_path / 'run.mcap', CHANNELS, **EXTRAS) as writer:
         writer.write('/joint_states', b'', 1, 1, 2 ** 32 + 5)
     assert [message.sequence for message in read_log(tmp_path / 'run.mcap').messages] == [5]
 

@@ -164,7 +164,7 @@ class LogWriter:
             if name not in schemas:
                 schemas[name] = mcap.add_schema(name, 'ros2msg', MESSAGE_TYPES[name].definition.encode())
             self.channel_ids[channel.topic] = mcap.add_channel(channel.topic, 'cdr', schemas[name],
-                                                                channel_metadata(channel))
+                                                               channel_metadata(channel))
 
     def _bag_information(self) -> dict:
         mcap, channels = self._mcap, self._channels
@@ -211,7 +211,7 @@ class BackgroundLogWriter:
         """Take one message as LogWriter.append does; never blocks and never raises, from any thread."""
         if not self._accepting:
             return
-        try:   # what append() does in less time, as several messages come at every tick; it tells what is wrong with one
+        try:   # what append() does, in less time as several messages come at every tick; it says what is wrong with one
             size = self._add(self._channel_ids[topic], log_time_ns, data, publish_time_ns, sequence)
             if size > BACKLOG_LIMIT:
                 self._stop(LogError(f'log {str(self._writer.path)!r}: writing stopped, the disk is '

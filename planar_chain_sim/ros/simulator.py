@@ -12,7 +12,6 @@ import json
 from queue import Empty, SimpleQueue
 from threading import Thread
 from time import monotonic_ns, sleep, time_ns
-from typing import Optional
 
 from .command_intake import CommandIntake
 from .measurement import Meter
