@@ -229,8 +229,8 @@ def test_as_fast_as_possible_and_slower_than_time():
         wall = time.monotonic()
         ended = stamp_ns(peer.new_state(lambda state: stamp_ns(state) > begun + 300 * MS))
         assert ended - begun < 0.55 * (time.monotonic() - wall) * 1e9 + 50 * MS, 'no more than half of what passed'
-        dropped = [event['tick'] for event in events(peer, 'dropped_time')]
-        assert all(tick > slow for tick in dropped), 'another pace is no lost time; what the machine loses is'
+        # Another pace is no lost time; what the machine loses later on is.
+        assert not [event for event in events(peer, 'dropped_time') if event['tick'] <= slow]
         assert process.stop() == 0, process.output
 
 

@@ -32,6 +32,7 @@ class LogWriter:
     path: of the new file; channels: every topic that will be written; attachments: name -> bytes; metadata: name ->
     {str: str}; flush_period: s, after which a write closes the chunk and hands it to the system; compression: of
     chunks, a key of COMPRESSIONS. LogError if the file is there already, cannot be made or an argument is wrong.
+    chunk: LogChunk in the making; channel_ids: topic -> its number there. For who appends too often for append().
     """
 
     def __init__(self, path, channels: Sequence[Channel], attachments: Optional[Mapping[str, bytes]] = None,
