@@ -19,7 +19,8 @@ class Stepper {
  public:
   Stepper(const Model& model, const pc::MethodData& method, double step, bool dense)
       : forces_(model.forces), state_(model.chain().joint_count), effort_(state_.position.size()),
-        latched_(state_.position.size()), zero_(state_.position.size()), step_(step), turns_(model.chain()),
+        latched_(state_.position.size()), zero_(state_.position.size()), step_(step),
+        right_hand_side_(model.chain(), forces_),
         form_(pc::make_form<double>(model.chain(), dense)),
         integrator_(pc::make_integrator(method, model.chain(), *form_, forces_, step, dense)) {
     forces_.chain = &model.chain();
@@ -174,13 +175,10 @@ class Stepper {
     if (auto* driven = dynamic_cast<pc::EventDriven*>(integrator_.get())) {
       joint = driven->accelerate(state_, effort_.data(), out.mutable_data());
     } else {
-      latched_ = effort_;
-      forces_.add_passive(state_.position.data(), state_.velocity.data(), latched_.data());
       std::vector<double> position = state_.position;
-      if (turns_.find(position.data()))
-        turns_.leave_out(state_.position.data(), state_.position_remainder.data(), position.data());
-      forces_.add_wrenches(position.data(), nullptr, latched_.data());
-      joint = form_->forward(position.data(), state_.velocity.data(), latched_.data(), out.mutable_data());
+      right_hand_side_.start(position.data());
+      joint = right_hand_side_.accelerate(*form_, state_.position.data(), state_.position_remainder.data(),
+                                          position.data(), state_.velocity.data(), effort_.data(), out.mutable_data());
     }
     return py::make_tuple(out, joint);
   }
@@ -205,7 +203,7 @@ class Stepper {
   std::vector<double> effort_, latched_, zero_;
   const double step_;
   bool told_ = false;  // of a coarse step
-  pc::WholeTurns<double> turns_;
+  pc::RightHandSide right_hand_side_;
   std::unique_ptr<pc::Form> form_;
   std::unique_ptr<pc::Integrator> integrator_;
 };
