@@ -18,7 +18,8 @@ from .plan import damping_rate, plan_of, step_limit
 _WHY = (None, 'the configuration is singular', 'the state ran away and would not be finite',
         'the steps that the tolerance asks for have become too short to be taken',
         'the step is too long for the iteration that solves it',
-        'the step is too long, two half steps lead somewhere else')
+        'the step is too long, two half steps lead somewhere else',
+        'its events follow one another without time going on')
 
 
 # In the order of `enum class EventKind` (kernel/events.hpp).
