@@ -98,7 +98,7 @@ class AdaptiveStep : public Motion {
   double behind_tick(double into) const override { return (from_ + into) - shown_from_; }
 
   Outcome show(double into, JointState& out, int&) override {
-    read(into, base_, out);
+    read_from_rest(into, base_, out);
     return Outcome::good;
   }
 
@@ -143,6 +143,9 @@ class AdaptiveStep : public Motion {
 
   // State at `offset` into the step that starts at `base`, as an unevaluated sum.
   virtual void read(double offset, const JointState& base, JointState& out) const = 0;
+
+  // The same with the right derivatives at the start, so that what sets out from rest goes where it is accelerated.
+  virtual void read_from_rest(double offset, const JointState& base, JointState& out) const { read(offset, base, out); }
 
   // |position| that a tolerance is relative to: whole turns do not make an angle less exact.
   double size_of_position(int joint, const JointState& state) const {

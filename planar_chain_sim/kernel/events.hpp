@@ -297,8 +297,7 @@ class EventDriven final : public Integrator {
       if (!take_step(time, progress)) return Found::failed;
       f = values_[w];
       const double next = time - f * (time - other) / (f - f_other);
-      const bool near = std::fabs(next - time) <= 4.0 * std::numeric_limits<double>::epsilon() * length_;
-      if (f == 0.0 || near) return settle_on(time);
+      if (f == 0.0 || std::fabs(next - time) <= 1e-12 * length_) return settle_on(time);
       other = time, f_other = f, time = next;
       if (!(time >= search_.low && time <= search_.high)) break;
     }

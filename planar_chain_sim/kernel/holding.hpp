@@ -20,8 +20,13 @@
 
 namespace planar_chain {
 
-// A rebound slower than this, rad/s or m/s, is none: infinitely many bounces end in rest.
-constexpr double rest_speed = 1e-5;
+// A rebound slower than this, rad/s or m/s, is none: infinitely many bounces end in rest. The second: where other joints
+// rest on stops, which might throw each other off in turn as many times.
+constexpr double rest_speed = 1e-5, rest_speed_of_many = 1e-3;
+
+// s. Impacts within this time are one: one joint thrown against its stop by the impact of another can throw that back
+// infinitely often in no time.
+constexpr double at_once = 1e-8;
 
 class Holding {
  public:
@@ -55,58 +60,41 @@ class Holding {
   // Impacts of all joints that are on a stop and move into it, together; which they were, and how fast, goes to `touched`.
   // `held`: efforts of the actuators.
   bool collide(JointState& state, const double* held, std::vector<std::pair<int, double>>& touched, Progress& progress) {
-    std::vector<int> touching;
-    std::vector<double> way;
-    bool gently = true;
+    touching_.clear(), way_.clear();
+    double fastest = 0.0;
+    int resting = 0;
     for (int j = 0; j < joints_; ++j) {
       const double n = on_lower(j, state.position[j]) ? 1.0 : on_upper(j, state.position[j]) ? -1.0 : 0.0;
       if (n == 0.0 || n * state.velocity[j] > 0.0) continue;
-      touching.push_back(j), way.push_back(n);
-      if (state.velocity[j] == 0.0) continue;
-      gently = gently && std::fabs(state.velocity[j]) < rest_speed;
-      touched.emplace_back(j, std::fabs(state.velocity[j]));
+      touching_.push_back(j), way_.push_back(n);
+      if (state.velocity[j] == 0.0) ++resting;
+      else touched.emplace_back(j, std::fabs(state.velocity[j])), fastest = std::fmax(fastest, touched.back().second);
     }
     if (touched.empty()) return true;
     if (!factorise(state, held, progress)) return false;
-    // An impact slower than rest_speed ends at once, and moves nothing that stands: else two joints on their stops might
-    // push each other off, weaker and weaker, for ever. It only takes energy, as a projection does.
+    // A gentle impact ends at once, and moves nothing that stands: else two joints on their stops might push each other
+    // off, weaker and weaker, for ever. It only takes energy, as a projection does.
+    const bool gently = fastest < (resting > 0 ? rest_speed_of_many : rest_speed);
     if (gently)
       for (int j = 0; j < joints_; ++j)
-        if (standing[j] && state.velocity[j] == 0.0 && std::find(touching.begin(), touching.end(), j) == touching.end())
-          touching.push_back(j), way.push_back(1.0);
-    const std::size_t count = touching.size();
-    BoxProblem impact(count);
-    std::vector<double> target(count);
-    for (std::size_t i = 0; i < count; ++i) {
-      const int j = touching[i];
-      const double speed = way[i] * state.velocity[j], rebound = -restitution[j] * speed;
-      target[i] = rebound > rest_speed ? rebound : 0.0;
-      impact.b[i] = speed - target[i], impact.upper[i] = infinity, impact.lower[i] = gently ? -infinity : 0.0;
-      respond(j);
-      for (std::size_t k = 0; k < count; ++k) impact.W[k * count + i] = way[i] * way[k] * answer_[touching[k]];
-    }
-    impact.solve();
-    const std::vector<double> before = state.velocity;
-    double size = 0.0;
-    for (std::size_t i = 0; i < count; ++i) {
-      if (impact.x[i] == 0.0) continue;
-      respond(touching[i]);
-      double largest = 0.0;
-      for (int j = 0; j < joints_; ++j) {
-        const double change = way[i] * impact.x[i] * answer_[j];
-        add_compensated(state.velocity[j], state.velocity_remainder[j], change, state.velocity[j],
-                        state.velocity_remainder[j]);
-        largest = std::fmax(largest, std::fabs(change));
+        if (standing[j] && state.velocity[j] == 0.0 &&
+            std::find(touching_.begin(), touching_.end(), j) == touching_.end())
+          touching_.push_back(j), way_.push_back(1.0);
+    const JointState before = state;
+    for (std::size_t count = 0; count < touching_.size();) {
+      count = touching_.size();
+      state = before;
+      strike(state, gently);
+      // Who is thrown at a stop so close that it is there at once belongs to this impact.
+      for (int j = 0; j < joints_ && !gently; ++j) {
+        const double v = state.velocity[j], n = v < 0.0 ? 1.0 : -1.0, at = state.position[j];
+        const double gap = v < 0.0 ? at - lower[j] : upper[j] - at;
+        if (v == 0.0 || !(gap <= at_once * std::fabs(v))) continue;
+        if (std::find(touching_.begin(), touching_.end(), j) != touching_.end()) continue;
+        touching_.push_back(j), way_.push_back(n);
+        touched.emplace_back(j, std::fabs(v));
       }
-      size += largest;
     }
-    // A joint at rest that the impacts do not move stays at rest, whatever rounding makes of it.
-    for (int j = 0; j < joints_; ++j)
-      if (before[j] == 0.0 && std::fabs(state.velocity[j]) <= rounding(size)) put_rate(state, j, 0.0);
-    // None goes on into its stop.
-    for (std::size_t i = 0; i < count; ++i)
-      if (impact.at[i] == BoxProblem::At::inside || way[i] * state.velocity[touching[i]] < target[i])
-        put_rate(state, touching[i], way[i] * target[i]);
     return true;
   }
 
@@ -174,6 +162,43 @@ class Holding {
   }
 
  private:
+  // After factorise(): the impact of touching_ changes the velocities.
+  void strike(JointState& state, bool gently) {
+    const std::size_t count = touching_.size();
+    BoxProblem impact(count);
+    std::vector<double> target(count);
+    for (std::size_t i = 0; i < count; ++i) {
+      const int j = touching_[i];
+      const double speed = way_[i] * state.velocity[j], rebound = -restitution[j] * speed;
+      target[i] = rebound > rest_speed ? rebound : 0.0;
+      impact.b[i] = speed - target[i], impact.upper[i] = infinity, impact.lower[i] = gently ? -infinity : 0.0;
+      respond(j);
+      for (std::size_t k = 0; k < count; ++k) impact.W[k * count + i] = way_[i] * way_[k] * answer_[touching_[k]];
+    }
+    impact.solve();
+    const std::vector<double> before = state.velocity;
+    double size = 0.0;
+    for (std::size_t i = 0; i < count; ++i) {
+      if (impact.x[i] == 0.0) continue;
+      respond(touching_[i]);
+      double largest = 0.0;
+      for (int j = 0; j < joints_; ++j) {
+        const double change = way_[i] * impact.x[i] * answer_[j];
+        add_compensated(state.velocity[j], state.velocity_remainder[j], change, state.velocity[j],
+                        state.velocity_remainder[j]);
+        largest = std::fmax(largest, std::fabs(change));
+      }
+      size += largest;
+    }
+    // A joint at rest that the impacts do not move stays at rest, whatever rounding makes of it.
+    for (int j = 0; j < joints_; ++j)
+      if (before[j] == 0.0 && std::fabs(state.velocity[j]) <= rounding(size)) put_rate(state, j, 0.0);
+    // None goes on into its stop.
+    for (std::size_t i = 0; i < count; ++i)
+      if (impact.at[i] == BoxProblem::At::inside || way_[i] * state.velocity[touching_[i]] < target[i])
+        put_rate(state, touching_[i], way_[i] * target[i]);
+  }
+
   // Factors of the mass matrix of all joints, and the accelerations that they would have with nothing held.
   bool factorise(const JointState& state, const double* held, Progress& progress) {
     const double* effort = right_hand_side_.efforts(state, held);
@@ -208,6 +233,8 @@ class Holding {
   Recursion recursion_;
   RightHandSide right_hand_side_;
   std::vector<double> acceleration_, answer_, unit_, size_;
+  std::vector<int> touching_;   // joints of an impact
+  std::vector<double> way_;     // off their stops, +1 or -1
 };
 
 }  // namespace planar_chain

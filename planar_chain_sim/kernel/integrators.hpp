@@ -162,7 +162,7 @@ class FixedStep : public Motion {
   Outcome show(double into, JointState& out, int& joint) override {
     if (into == ahead_) return out = next_, joint = joint_ahead_, outcome_ahead_;
     if (into == 0.0) return out = from_, Outcome::good;
-    ++counts.steps;
+    ++counts.rejected_steps;   // one of these takes the place of the whole step
     return step(from_, actuator_.data(), into, out, joint);
   }
 
