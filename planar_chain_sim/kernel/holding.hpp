@@ -86,7 +86,7 @@ class Holding {
       state = before;
       strike(state, gently);
       // Who is thrown at a stop so close that it is there at once belongs to this impact.
-      for (int j = 0; j < joints_ && !gently; ++j) {
+      for (int j = 0; j < joints_; ++j) {
         const double v = state.velocity[j], n = v < 0.0 ? 1.0 : -1.0, at = state.position[j];
         const double gap = v < 0.0 ? at - lower[j] : upper[j] - at;
         if (v == 0.0 || !(gap <= at_once * std::fabs(v))) continue;
@@ -170,7 +170,7 @@ class Holding {
     for (std::size_t i = 0; i < count; ++i) {
       const int j = touching_[i];
       const double speed = way_[i] * state.velocity[j], rebound = -restitution[j] * speed;
-      target[i] = rebound > rest_speed ? rebound : 0.0;
+      target[i] = rebound > rest_speed && !gently ? rebound : 0.0;
       impact.b[i] = speed - target[i], impact.upper[i] = infinity, impact.lower[i] = gently ? -infinity : 0.0;
       respond(j);
       for (std::size_t k = 0; k < count; ++k) impact.W[k * count + i] = way_[i] * way_[k] * answer_[touching_[k]];

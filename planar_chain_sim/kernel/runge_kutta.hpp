@@ -47,6 +47,7 @@ class Stages {
   void start(const JointState& base) { right_hand_side_.start(base.position.data()); }
 
   double* row(int stage) { return &rows_[static_cast<std::size_t>(stage) * stride_]; }
+  const double* row(int stage) const { return &rows_[static_cast<std::size_t>(stage) * stride_]; }
 
   // Sum of weight_l (q', v')_l, in the order of the stages; good until the next call.
   const double* weigh(const Weights& weights) {
