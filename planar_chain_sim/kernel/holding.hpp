@@ -20,9 +20,16 @@
 
 namespace planar_chain {
 
-// A rebound slower than this, rad/s or m/s, is none: infinitely many bounces end in rest. The second: where other joints
-// rest on stops, which might throw each other off in turn as many times.
-constexpr double rest_speed = 1e-5, rest_speed_of_many = 1e-3;
+// A rebound slower than this, rad/s or m/s, or over sooner than this, s, is none: infinitely many bounces end in rest.
+struct LeastRebound {
+  double speed, flight;
+
+  // Of a joint that is pressed against its stop with this acceleration.
+  double with(double acceleration) const { return std::fmax(speed, 0.5 * flight * acceleration); }
+};
+constexpr LeastRebound least_rebound{1e-5, 1e-6};
+// Where other joints rest on stops, which might throw each other off in turn as many times.
+constexpr LeastRebound least_rebound_of_many{1e-3, 3e-5};
 
 // s. Impacts within this time are one: one joint thrown against its stop by the impact of another can throw that back
 // infinitely often in no time.
@@ -61,20 +68,24 @@ class Holding {
   // `held`: efforts of the actuators.
   bool collide(JointState& state, const double* held, std::vector<std::pair<int, double>>& touched, Progress& progress) {
     touching_.clear(), way_.clear();
-    double fastest = 0.0;
     int resting = 0;
     for (int j = 0; j < joints_; ++j) {
       const double n = on_lower(j, state.position[j]) ? 1.0 : on_upper(j, state.position[j]) ? -1.0 : 0.0;
       if (n == 0.0 || n * state.velocity[j] > 0.0) continue;
       touching_.push_back(j), way_.push_back(n);
       if (state.velocity[j] == 0.0) ++resting;
-      else touched.emplace_back(j, std::fabs(state.velocity[j])), fastest = std::fmax(fastest, touched.back().second);
+      else touched.emplace_back(j, std::fabs(state.velocity[j]));
     }
     if (touched.empty()) return true;
     if (!factorise(state, held, progress)) return false;
     // A gentle impact ends at once, and moves nothing that stands: else two joints on their stops might push each other
     // off, weaker and weaker, for ever. It only takes energy, as a projection does.
-    const bool gently = fastest < (resting > 0 ? rest_speed_of_many : rest_speed);
+    bool gently = true;
+    for (std::size_t i = 0; i < touching_.size(); ++i) {
+      const int j = touching_[i];
+      const LeastRebound& least = resting > 0 ? least_rebound_of_many : least_rebound;
+      gently = gently && std::fabs(state.velocity[j]) <= least.with(-way_[i] * acceleration_[j]);
+    }
     if (gently)
       for (int j = 0; j < joints_; ++j)
         if (standing[j] && state.velocity[j] == 0.0 &&
@@ -170,7 +181,7 @@ class Holding {
     for (std::size_t i = 0; i < count; ++i) {
       const int j = touching_[i];
       const double speed = way_[i] * state.velocity[j], rebound = -restitution[j] * speed;
-      target[i] = rebound > rest_speed && !gently ? rebound : 0.0;
+      target[i] = rebound > least_rebound.with(-way_[i] * acceleration_[j]) && !gently ? rebound : 0.0;
       impact.b[i] = speed - target[i], impact.upper[i] = infinity, impact.lower[i] = gently ? -infinity : 0.0;
       respond(j);
       for (std::size_t k = 0; k < count; ++k) impact.W[k * count + i] = way_[i] * way_[k] * answer_[touching_[k]];
