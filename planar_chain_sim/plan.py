@@ -31,6 +31,7 @@ class Plan:
     why_form: str
     grounded_energy: float    # J, potential energy of bodies welded to the base, which the kernel never sees
     places: tuple[Place, ...]  # of the bodies, in file order
+    dense: bool               # whether `form` is 'dense'
 
     def __str__(self):
         return (f'{self.links} links, {self.joints} joints; '
@@ -65,10 +66,11 @@ def _kernel_model(chain: Chain, links) -> object:
 
 def plan_of(chain: Chain) -> Plan:
     """Return the chain's plan, made when it is first asked for and kept with the chain from then on."""
-    kept = vars(chain)   # a frozen dataclass lets its cache be written here, and pickles without it
-    if '_plan' not in kept:
-        kept['_plan'] = _make_plan(chain)
-    return kept['_plan']
+    kept = chain.__dict__   # a frozen dataclass lets its cache be written here, and pickles without it
+    plan = kept.get('_plan')
+    if plan is None:
+        plan = kept['_plan'] = _make_plan(chain)
+    return plan
 
 
 def _make_plan(chain: Chain) -> Plan:
@@ -92,8 +94,9 @@ def _make_plan(chain: Chain) -> Plan:
     model = _kernel_model(chain, links)
     if model.refined:
         used += ('iterative refinement',)
-    return Plan(model, len(links), chain.joint_count, used, skipped, *_choose_form(links, model.refined),
-                -(grounded * chain.gravity.conjugate()).real, tuple(places))
+    form, why_form = _choose_form(links, model.refined)
+    return Plan(model, len(links), chain.joint_count, used, skipped, form, why_form,
+                -(grounded * chain.gravity.conjugate()).real, tuple(places), form == 'dense')
 
 
 def _choose_form(links, refined: bool) -> tuple[str, str]:

@@ -1,4 +1,5 @@
-// The border between Python and the kernel: NumPy arrays that Python has checked in, status codes out, no GIL held.
+// The border between Python and the kernel: numbers in, arrays and status codes out. Numbers are checked once:
+// py_arrays.hpp does it where calls are short; of batches and messages the caller has done it. Long calls hold no GIL.
 #include <complex>
 #include <cstdint>
 #include <string>
@@ -12,7 +13,7 @@
 #include "trigonometry.hpp"
 
 PYBIND11_MODULE(_kernel, module) {
-  module.doc() = "Compiled twin of equations_of_motion.py and joint_forces.py; arrays must be checked by the caller.";
+  module.doc() = "Compiled twin of equations_of_motion.py and joint_forces.py; arrays of batches and messages must be checked by the caller.";
   module.def("unit_vector", [](double angle) {
     double sine, cosine;
     pc::sine_cosine(angle, sine, cosine);
@@ -23,6 +24,11 @@ PYBIND11_MODULE(_kernel, module) {
 #else
   module.attr("compiler") = "unknown compiler";
 #endif
+
+  // `values` as finite C-ordered float64 of this shape; ValueError names argument, got and wanted.
+  module.def("finite_array", [](const std::string& name, const py::handle& values, const std::vector<py::ssize_t>& shape) {
+    return Numbers(name.c_str(), values, shape.data(), static_cast<int>(shape.size())).array();
+  });
 
   py::class_<Model>(module, "Model")
       .def(py::init<const Ints&, const Array&, std::tuple<double, double>, int>())
@@ -41,11 +47,14 @@ PYBIND11_MODULE(_kernel, module) {
            py::arg("dense") = false)
       .def("evaluate_repeatedly", &Model::evaluate_repeatedly, py::arg("position"), py::arg("velocity"),
            py::arg("effort"), py::arg("count"), py::arg("dense") = false)
+      .def("repeat", &Model::repeat)
       .def_property_readonly("refined", [](const Model& m) { return m.chain().refined; })
       .def("inverse_dynamics", &Model::inverse_dynamics)
       .def("mass_matrix", &Model::mass_matrix)
       .def("derivatives", &Model::derivatives)
-      .def("energy", &Model::energy);
+      .def("energy", py::overload_cast<const py::handle&, const py::handle&>(&Model::energy))
+      .def("linearize",
+           py::overload_cast<const py::handle&, const py::handle&, const py::handle&>(&Model::linearize));
 
   py::class_<StateBatch>(module, "StateBatch")
       .def(py::init<const Model&, const Array&, const Array&, const Array&, bool>(), py::keep_alive<1, 2>())
