@@ -203,7 +203,7 @@ class Model {
     for (int i = 0; i < n; ++i)
       if (!std::isfinite(acceleration_[i])) return {Refusal::no_acceleration, i};
 
-    jacobian().compute(bent, velocity, acceleration_.data());
+    jacobian().compute_derivatives(bent, velocity, acceleration_.data());
     if (!response_) response_.emplace(*recursion_, 3 * n);
     for (int i = 0; i < n; ++i) {
       double* const row = response_->row(i);

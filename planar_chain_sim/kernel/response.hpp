@@ -37,10 +37,13 @@ class Response {
  private:
   static constexpr int widest = 8;   // numbers in a vector
 
-  // What a link keeps of one block of columns; slot 0 is the base.
+  // What a link has of the recursion's factors, the same in every lane, and what it keeps of one block of columns.
+  // Slot 0 is the base.
   template <class Real>
   struct LinkShare {
-    VecOf<Real> bias, linear;        // of children that are not the next link; of its joint point
+    VecOf<Real> across, turn_row, slide_axis, slide_row;   // `across`: the lever, turned by a quarter
+    Real sign, turn_inverse, rotor, through, slide_inverse, slide_coupling;
+    VecOf<Real> bias, linear;                              // of children that are not the next link; of its joint point
     Real torque, turned_by, slid_by, angular;
   };
 
@@ -49,6 +52,7 @@ class Response {
     Response& response;
     bool finite;
     void run() {
+      response.template spread<Real>();
       Real lost = 0.0;
       for (int first = 0; first < response.stride_; first += lanes_in<Real>) response.template block<Real>(first, lost);
       finite = true;
@@ -57,48 +61,70 @@ class Response {
   };
 
   template <class Real>
+  PLANAR_CHAIN_INLINE LinkShare<Real>* shares() {
+    return reinterpret_cast<LinkShare<Real>*>(work_.data());
+  }
+  template <class Real>
   PLANAR_CHAIN_INLINE Real& at(int joint, int column) {
     return *reinterpret_cast<Real*>(&columns_[static_cast<std::size_t>(joint) * stride_ + column]);
   }
 
   template <class Real>
+  PLANAR_CHAIN_INLINE void spread() {
+    const auto everywhere = [](const VecOf<double>& a) { return VecOf<Real>{a.x, a.y}; };
+    for (int i = 1; i <= chain_.link_count(); ++i) {
+      const Link& link = chain_.links[i];
+      const LinkStateOf<double>& s = recursion_.state(i);
+      LinkShare<Real>& own = shares<Real>()[i];
+      own.across = everywhere(perp(s.lever));
+      if (link.turns()) {
+        own.sign = link.sign, own.turn_inverse = s.turn_inverse, own.turn_row = everywhere(s.turn_row);
+        own.rotor = link.rotor, own.through = link.rotor * s.turn_inverse;
+      }
+      if (link.slides()) {
+        own.slide_inverse = s.slide_inverse, own.slide_coupling = s.slide_coupling;
+        own.slide_axis = everywhere(s.slide_axis), own.slide_row = everywhere(s.slide_row);
+      }
+    }
+  }
+
+  template <class Real>
   PLANAR_CHAIN_INLINE void block(int column, Real& lost) {
     using Vec = VecOf<Real>;
-    LinkShare<Real>* const shares = reinterpret_cast<LinkShare<Real>*>(work_.data());
+    LinkShare<Real>* const share = shares<Real>();
     const int links = chain_.link_count();
     for (int i = 0; i <= links; ++i)
-      if (i == 0 || chain_.links[i].has_branches) shares[i] = LinkShare<Real>{};
+      if (i == 0 || chain_.links[i].has_branches)
+        share[i].bias = share[i].linear = Vec{}, share[i].torque = share[i].angular = Real(0.0);
 
     Vec bias;
     Real torque = 0.0;
     for (int i = links; i >= 1; --i) {   // leaf to root
       const Link& link = chain_.links[i];
-      const LinkStateOf<double>& s = recursion_.state(i);
-      LinkShare<Real>& own = shares[i];
+      LinkShare<Real>& own = share[i];
       if (link.has_branches) bias = bias + own.bias, torque += own.torque;
-      const bool three = !link.turns() || link.has_rotor();
-      Real reaction = 0.0;
+      const Real zero = 0.0;
+      Real reaction = zero;
       if (link.turns()) {
-        reaction = Real(link.sign) * at<Real>(link.rotation, column);
+        reaction = own.sign * at<Real>(link.rotation, column);
         torque += reaction;
         own.turned_by = torque;
-        bias = bias + times(Real(s.turn_inverse) * torque, s.turn_row);
-        torque *= Real(link.rotor * s.turn_inverse);
+        bias = bias + (own.turn_inverse * torque) * own.turn_row;
+        torque = link.has_rotor() ? own.through * torque : zero;
       }
       if (link.slides()) {
-        const Real nu = at<Real>(link.slide, column) - along(s.slide_axis, bias);
-        own.slid_by = Real(s.slide_inverse) * nu;
-        torque -= nu * Real(s.slide_coupling);
-        bias = bias + times(nu, s.slide_row);
+        const Real nu = at<Real>(link.slide, column) - dot(own.slide_axis, bias);
+        own.slid_by = own.slide_inverse * nu;
+        if (!link.turns() || link.has_rotor()) torque -= nu * own.slide_coupling;
+        bias = bias + nu * own.slide_row;
       }
-      torque = (three ? torque : Real(0.0)) - along(perp(s.lever), bias) - reaction;
+      torque = torque - reaction - dot(own.across, bias);
       if (link.carrier != i - 1) {
         if (link.carrier != 0) {
-          LinkShare<Real>& carrier = shares[link.carrier];
-          carrier.bias = carrier.bias + bias;
-          carrier.torque += torque;
+          LinkShare<Real>& carrier = share[link.carrier];
+          carrier.bias = carrier.bias + bias, carrier.torque += torque;
         }
-        bias = Vec{}, torque = 0.0;
+        bias = Vec{}, torque = zero;
       }
     }
 
@@ -106,34 +132,25 @@ class Response {
     Real angular = 0.0;
     for (int i = 1; i <= links; ++i) {   // root to leaf
       const Link& link = chain_.links[i];
-      const LinkStateOf<double>& s = recursion_.state(i);
-      LinkShare<Real>& own = shares[i];
-      if (link.carrier != i - 1) linear = shares[link.carrier].linear, angular = shares[link.carrier].angular;
-      linear = linear + times(angular, perp(s.lever));
+      LinkShare<Real>& own = share[i];
+      if (link.carrier != i - 1) linear = share[link.carrier].linear, angular = share[link.carrier].angular;
+      linear = linear + angular * own.across;
       if (link.slides()) {
-        const Real slide = own.slid_by - along(s.slide_row, linear) - Real(s.slide_coupling) * angular;
-        linear = linear + times(slide, s.slide_axis);
+        const Real slide = own.slid_by - dot(own.slide_row, linear) - own.slide_coupling * angular;
+        linear = linear + slide * own.slide_axis;
         at<Real>(link.slide, column) = slide;
         lost += slide - slide;
       }
       if (link.turns()) {
-        const Real turned = (own.turned_by - along(s.turn_row, linear) + Real(link.rotor) * angular) * Real(s.turn_inverse);
-        const Real relative = Real(link.sign) * (turned - angular);
+        Real driven = own.turned_by - dot(own.turn_row, linear);
+        if (link.has_rotor()) driven += own.rotor * angular;
+        const Real turned = driven * own.turn_inverse, relative = own.sign * (turned - angular);
         at<Real>(link.rotation, column) = relative;
         lost += relative - relative;
         angular = turned;
       }
       if (link.has_branches) own.linear = linear, own.angular = angular;
     }
-  }
-
-  template <class Real>
-  static PLANAR_CHAIN_INLINE VecOf<Real> times(const Real& scale, const VecOf<double>& a) {
-    return {scale * Real(a.x), scale * Real(a.y)};
-  }
-  template <class Real>
-  static PLANAR_CHAIN_INLINE Real along(const VecOf<double>& a, const VecOf<Real>& b) {
-    return Real(a.x) * b.x + Real(a.y) * b.y;
   }
 
   const Recursion& recursion_;
