@@ -8,7 +8,7 @@ import numpy as np
 
 from . import _kernel
 from .chain import Chain
-from .integrators import Method, stability_limits
+from .integrators import Method
 from .joint_forces import has_stop, JOINT_FORCES, teach_kernel
 from .path_matrix import merge_welded, Place
 
@@ -140,19 +140,8 @@ def _largest_rate(chain: Chain, law: np.ndarray) -> tuple[float, int]:
     """Return the largest eigenvalue of H^-1 law, law (joints,) on the diagonal, and the joint that moves most in it."""
     if not law.any():
         return 0.0, 0
-    model, zero = plan_of(chain).model, np.zeros(chain.joint_count)
     position = np.array([joint.position for joint in chain.joints])
-    rest, singular = model.forward_dynamics(position, zero, zero)
-    rate, vector = 0.0, np.ones(chain.joint_count)
-    for _ in range(6):
-        size = np.abs(vector).max()
-        if singular >= 0 or not 0.0 < size < np.inf:
-            break
-        vector /= size
-        answer, singular = model.forward_dynamics(position, zero, law * vector)
-        vector = answer - rest
-        rate = float(np.abs(vector).max())
-    return (rate if np.isfinite(rate) else 0.0), int(np.argmax(np.abs(vector)))
+    return plan_of(chain).model.largest_rate(position, law)
 
 
 def step_limit(chain: Chain, method: Method) -> Optional[tuple[float, str]]:
@@ -162,7 +151,7 @@ def step_limit(chain: Chain, method: Method) -> Optional[tuple[float, str]]:
     By estimates of the fastest decay of dampers and oscillation of springs, and the method's stability region on the
     negative real and on the imaginary axis. None where nothing is stiff or the method has no such limit.
     """
-    real, imaginary = stability_limits(method)
+    real, imaginary = method.stability_limits
     limits = []
     for law, power, extent in (('damping', 1.0, real), ('stiffness', 0.5, imaginary)):
         rate, joint = _largest_rate(chain, np.array([getattr(joint, law) for joint in chain.joints]))

@@ -30,6 +30,12 @@ PYBIND11_MODULE(_kernel, module) {
     return Numbers(name.c_str(), values, shape.data(), static_cast<int>(shape.size())).array();
   });
 
+  // Two finite numbers [x, y] as x + j y.
+  module.def("plane_vector", [](const std::string& name, const py::handle& values) {
+    const Numbers given(name.c_str(), values, {2});
+    return std::complex<double>(given.data()[0], given.data()[1]);
+  });
+
   py::class_<Model>(module, "Model")
       .def(py::init<const Ints&, const Array&, std::tuple<double, double>, int>())
       .def("add_damper", [](Model& m, int joint, double damping) { m.forces.dampers.push_back({joint, damping}); })
@@ -48,6 +54,7 @@ PYBIND11_MODULE(_kernel, module) {
       .def("evaluate_repeatedly", &Model::evaluate_repeatedly, py::arg("position"), py::arg("velocity"),
            py::arg("effort"), py::arg("count"), py::arg("dense") = false)
       .def("repeat", &Model::repeat)
+      .def("largest_rate", &Model::largest_rate)
       .def_property_readonly("refined", [](const Model& m) { return m.chain().refined; })
       .def("inverse_dynamics", &Model::inverse_dynamics)
       .def("mass_matrix", &Model::mass_matrix)
@@ -61,15 +68,18 @@ PYBIND11_MODULE(_kernel, module) {
       .def("evaluate", &StateBatch::evaluate)
       .def("accelerations", &StateBatch::accelerations);
 
+  py::class_<pc::Tableau>(module, "Tableau")
+      .def(py::init([](int stages, std::vector<double> a, std::vector<double> b, std::vector<double> error,
+                       std::vector<double> dense_a, std::vector<double> dense, std::vector<double> c, double gamma) {
+        return pc::Tableau{stages, a, b, error, dense_a, dense, c, gamma};
+      }));
+
   py::class_<pc::MethodData>(module, "MethodData")
-      .def(py::init([](std::string family, int order, bool adaptive, double tolerance, double fixed) {
-        return pc::MethodData{family, order, adaptive, {}, tolerance, fixed};
-      }), py::arg("family"), py::arg("order"), py::arg("adaptive"), py::arg("tolerance"), py::arg("fixed") = 0.0)
-      .def("set_tableau", [](pc::MethodData& data, int stages, std::vector<double> a, std::vector<double> b,
-                             std::vector<double> error, std::vector<double> dense_a, std::vector<double> dense,
-                             std::vector<double> c, double gamma) {
-        data.tableau = {stages, a, b, error, dense_a, dense, c, gamma};
-      });
+      .def(py::init([](std::string family, int order, bool adaptive, double tolerance, double fixed,
+                       const pc::Tableau& tableau) {
+        return pc::MethodData{family, order, adaptive, tableau, tolerance, fixed};
+      }), py::arg("family"), py::arg("order"), py::arg("adaptive"), py::arg("tolerance"), py::arg("fixed") = 0.0,
+           py::arg("tableau") = pc::Tableau());
 
   py::class_<Stepper>(module, "Stepper")
       .def(py::init<const Model&, const pc::MethodData&, double, bool>(), py::keep_alive<1, 2>())

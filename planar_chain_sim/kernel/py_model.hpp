@@ -58,7 +58,7 @@ class Model {
   py::tuple forward_dynamics(const py::handle& position, const py::handle& velocity, const py::handle& effort,
                              bool dense) {
     const Numbers q = joints("position", position), v = joints("velocity", velocity), u = joints("effort", effort);
-    Array acceleration(chain_.joint_count);
+    Array acceleration = new_array(chain_.joint_count);
     double* const out = acceleration.mutable_data();
     return py::make_tuple(std::move(acceleration), forward(q.data(), v.data(), u.data(), dense, out));
   }
@@ -66,7 +66,7 @@ class Model {
   Array inverse_dynamics(const py::handle& position, const py::handle& velocity, const py::handle& acceleration) {
     const Numbers q = joints("position", position), v = joints("velocity", velocity),
                   a = joints("acceleration", acceleration);
-    Array effort(chain_.joint_count);
+    Array effort = new_array(chain_.joint_count);
     inverse(q.data(), v.data(), a.data(), effort.mutable_data());
     return effort;
   }
@@ -105,6 +105,30 @@ class Model {
     double *const a_rows = a.mutable_data(), *const b_rows = b.mutable_data();
     const auto [refusal, joint] = linearize(q.data(), v.data(), u.data(), a_rows, b_rows);
     return py::make_tuple(std::move(a), std::move(b), static_cast<int>(refusal), joint);
+  }
+
+  // Largest eigenvalue of H^-1 law, `law` (joints,) on the diagonal, by six steps of the power iteration, and the joint
+  // that moves most in its eigenvector; 0 where the configuration is singular or nothing is finite.
+  std::pair<double, int> largest_rate(const py::handle& position, const py::handle& law) {
+    const Numbers q = joints("position", position), weights = joints("law", law);
+    const std::size_t n = effort_.size();
+    const std::vector<double> zero(n);
+    std::vector<double> rest(n), vector(n, 1.0), effort(n), answer(n);
+    if (forward(q.data(), zero.data(), zero.data(), false, rest.data()) >= 0) return {0.0, 0};
+    double rate = 0.0, size = 1.0;
+    std::size_t most = 0;
+    for (int step = 0; step < 6 && 0.0 < size && std::isfinite(size); ++step) {
+      for (std::size_t i = 0; i < n; ++i) effort[i] = weights.data()[i] * (vector[i] / size);
+      forward(q.data(), zero.data(), effort.data(), false, answer.data());
+      rate = 0.0, most = 0;
+      for (std::size_t i = 0; i < n; ++i) {
+        vector[i] = answer[i] - rest[i];
+        if (!(std::fabs(vector[i]) <= rate)) rate = std::fabs(vector[i]), most = i;
+        if (std::isnan(rate)) break;
+      }
+      size = rate;
+    }
+    return {std::isfinite(rate) ? rate : 0.0, static_cast<int>(most)};
   }
 
   // The same evaluation of forward_dynamics in a compiled loop, each from a slightly different angle, for timing alone.
