@@ -5,7 +5,7 @@ from dataclasses import replace
 from math import isfinite
 from typing import Mapping, NamedTuple
 
-from ._kernel import plane_vector, unit_vector
+from ._kernel import plane_vector
 from .chain import Body, Chain
 from .dynamics import joint_array
 from .plan import plan_of
@@ -20,8 +20,6 @@ class Wrench(NamedTuple):
 
 
 def _number(name: str, value) -> float:
-    if type(value) is float and isfinite(value):
-        return value
     return float(joint_array(name, [value], (1,))[0])
 
 
@@ -38,7 +36,8 @@ def checked_wrench(force, moment, axes: str) -> Wrench:
     """Return the wrench of force [x, y], moment and axes; ValueError: a number that is not finite, other axes."""
     if axes not in ('body', 'world'):
         raise ValueError(f"axes is {axes!r:.80}, must be 'body' or 'world'")
-    return Wrench(plane_vector('force', force), _number('moment', moment), axes)
+    force = plane_vector('force', force)
+    return Wrench(force, moment if type(moment) is float and isfinite(moment) else _number('moment', moment), axes)
 
 
 def on_links(chain: Chain, wrenches: Mapping[str, Wrench]) -> list[tuple]:
@@ -49,10 +48,10 @@ def on_links(chain: Chain, wrenches: Mapping[str, Wrench]) -> list[tuple]:
     """
     told, places = [], plan_of(chain).places
     for name, (force, moment, axes) in wrenches.items():
-        slot, point, angle = places[chain.body_index[name]]
+        slot, point, _, turn = places[chain.body_index[name]]
         turns = axes == 'body'
         if turns:   # about the link's joint point, so that its moment is a constant
-            force = force * unit_vector(angle)
+            force = force * turn
             moment, point = moment + (point.conjugate() * force).imag, 0j
         if slot:
             told.append((slot, turns, point, force, moment))
