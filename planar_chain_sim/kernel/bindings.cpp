@@ -13,7 +13,7 @@
 #include "trigonometry.hpp"
 
 PYBIND11_MODULE(_kernel, module) {
-  module.doc() = "Compiled twin of equations_of_motion.py and joint_forces.py; arrays of batches and messages must be checked by the caller.";
+  module.doc() = "Compiled twin of equations_of_motion.py and joint_forces.py; batches are checked by the caller.";
   module.def("unit_vector", [](double angle) {
     double sine, cosine;
     pc::sine_cosine(angle, sine, cosine);
@@ -26,7 +26,8 @@ PYBIND11_MODULE(_kernel, module) {
 #endif
 
   // `values` as finite C-ordered float64 of this shape; ValueError names argument, got and wanted.
-  module.def("finite_array", [](const std::string& name, const py::handle& values, const std::vector<py::ssize_t>& shape) {
+  module.def("finite_array", [](const std::string& name, const py::handle& values,
+                                const std::vector<py::ssize_t>& shape) {
     return Numbers(name.c_str(), values, shape.data(), static_cast<int>(shape.size())).array();
   });
 

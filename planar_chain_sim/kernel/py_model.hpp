@@ -54,7 +54,7 @@ class Model {
   const pc::Chain& chain() const { return chain_; }
   pc::JointForces forces;
 
-  // (acceleration, joint): joint is -1; or that whose pivot vanished; or, its accelerations not being finite, -2 - joint.
+  // (acceleration, joint): -1; or the joint whose pivot vanished; or -2 - joint where its acceleration is not finite.
   py::tuple forward_dynamics(const py::handle& position, const py::handle& velocity, const py::handle& effort,
                              bool dense) {
     const Numbers q = joints("position", position), v = joints("velocity", velocity), u = joints("effort", effort);

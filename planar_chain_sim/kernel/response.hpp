@@ -1,5 +1,6 @@
-// H^-1 times many columns of joint efforts, by the factors that a recursion keeps from its last evaluation (equations.md
-// 6.2 and 6.3): its own way out and back, with the columns in lanes. Time O(links) a column, and the recursion's digits.
+// H^-1 times many columns of joint efforts, by the factors that a recursion keeps from its last evaluation
+// (equations.md 6.2 and 6.3): its own way out and back, with the columns in lanes. Time O(links) a column, and the
+// recursion's digits.
 #pragma once
 
 #include <cstddef>
@@ -19,7 +20,8 @@ class Response {
   Response(const Recursion& recursion, int columns)
       : recursion_(recursion), chain_(recursion.chain()), stride_((columns + widest - 1) / widest * widest),
         columns_(static_cast<std::size_t>(chain_.joint_count) * stride_),
-        work_(chain_.links.size() * sizeof(LinkShare<Lanes<widest>>) / sizeof(double)), width_(vector_widths().back()) {}
+        work_(chain_.links.size() * sizeof(LinkShare<Lanes<widest>>) / sizeof(double)),
+        width_(vector_widths().back()) {}
 
   double* row(int joint) { return &columns_[static_cast<std::size_t>(joint) * stride_]; }
 
