@@ -96,26 +96,20 @@ class Stepper {
     return py::none();
   }
 
-  // False, with nothing changed, where Python is to check or convert an argument first.
-  bool put_state(const py::handle& position, const py::handle& velocity) {
-    for (const py::handle& given : {position, velocity}) {
-      if (!py::isinstance<Array>(given)) return false;
-      const Array array = py::reinterpret_borrow<Array>(given);
-      if (array.ndim() != 1 || array.size() != static_cast<py::ssize_t>(effort_.size())) return false;
-      for (py::ssize_t i = 0; i < array.size(); ++i)
-        if (!std::isfinite(array.data()[i])) return false;
-    }
-    const double* at = py::reinterpret_borrow<Array>(position).data();
+  // -1; or, with nothing changed, the joint whose position lies beyond a stop.
+  int put_state(const py::handle& position, const py::handle& velocity) {
+    const py::ssize_t joints = static_cast<py::ssize_t>(effort_.size());
+    const Numbers q("position", position, {joints}), v("velocity", velocity, {joints});
     for (const auto& stop : forces_.stops)
-      if (at[stop.joint] < stop.lower || at[stop.joint] > stop.upper) return false;
-    set_state(py::reinterpret_borrow<Array>(position), py::reinterpret_borrow<Array>(velocity));
-    return true;
+      if (q.data()[stop.joint] < stop.lower || q.data()[stop.joint] > stop.upper) return stop.joint;
+    set_state(q.data(), v.data());
+    return -1;
   }
 
-  void set_state(const Array& position, const Array& velocity) {
+  void set_state(const double* position, const double* velocity) {
     integrator_->forget();
-    std::copy(position.data(), position.data() + position.size(), state_.position.begin());
-    std::copy(velocity.data(), velocity.data() + velocity.size(), state_.velocity.begin());
+    std::copy(position, position + effort_.size(), state_.position.begin());
+    std::copy(velocity, velocity + effort_.size(), state_.velocity.begin());
     std::fill(state_.position_remainder.begin(), state_.position_remainder.end(), 0.0);
     std::fill(state_.velocity_remainder.begin(), state_.velocity_remainder.end(), 0.0);
   }
@@ -128,7 +122,7 @@ class Stepper {
 
   void load(const Array& position, const Array& velocity, const Array& position_remainder,
             const Array& velocity_remainder, const Array& effort, const Array& ahead) {
-    set_state(position, velocity);
+    set_state(position.data(), velocity.data());
     std::copy(position_remainder.data(), position_remainder.data() + position_remainder.size(),
               state_.position_remainder.begin());
     std::copy(velocity_remainder.data(), velocity_remainder.data() + velocity_remainder.size(),

@@ -163,6 +163,7 @@ class RecursionOf final : public FormOf<Real> {
   Real cosine(int link) const { return cosine_[link]; }
   Real sine(int link) const { return sine_[link]; }
   Real rate(int link) const { return state_[link].rate; }
+  const LinkState& state(int link) const { return state_[link]; }
 
   // Efforts of the bare mechanism (armature in, joint laws out) for given accelerations: equations.md 6.1.
   void inverse(const Real* position, const Real* velocity, const Real* acceleration, bool gravity,
