@@ -239,11 +239,25 @@ class EventDriven final : public Integrator {
     return true;
   }
 
-  // Values of all watches `time` s into the step: as it is read, or where that costs a step, between its ends.
+  // later_ <- `time` s into the step: as it is read, or where that costs a step, between its ends.
+  bool read(double time, Progress& progress) {
+    if (motion_->reads_densely()) return show(time, later_, progress);
+    between_.read(time, later_);
+    return true;
+  }
+
   bool find_values(double time, double* values, Progress& progress) {
-    if (!motion_->reads_densely()) between_.read(time, later_);
-    else if (!show(time, later_, progress)) return false;
-    return find_values_at(later_, values, progress);
+    return read(time, progress) && find_values_at(later_, values, progress);
+  }
+
+  bool find_value(int w, double time, double& found, Progress& progress) {
+    if (!read(time, progress)) return false;
+    if (watches_[w].index < 0) {   // of lambda
+      if (!accelerate(later_, progress)) return false;
+      find_lambda(later_);
+    }
+    found = value(watches_[w], later_);
+    return true;
   }
 
   bool find_values_at(const JointState& moved, double* values, Progress& progress) {
@@ -269,11 +283,8 @@ class EventDriven final : public Integrator {
         high = low;
       } else {
         double from = low;
-        const auto value = [&](double time, double& f) {
-          if (!find_values(time, values_.data(), progress)) return false;
-          return f = values_[w], true;
-        };
-        if (!EventSearch::close_in(value, from, f_low, high, values_[w])) return Found::failed;
+        const auto value_of = [&](double time, double& f) { return find_value(w, time, f, progress); };
+        if (!EventSearch::close_in(value_of, from, f_low, high, values_[w])) return Found::failed;
         if (!find_values(high, values_.data(), progress)) return Found::failed;
       }
       w = -1;
@@ -291,8 +302,8 @@ class EventDriven final : public Integrator {
   Found locate_by_steps(Progress& progress) {
     const int w = violated_[0];
     const double guess = event_at_, reach = 1e-3 * (search_.high - search_.low);
-    if (!find_values(std::fmin(guess + reach, length_), values_.data(), progress)) return Found::failed;
-    double other = std::fmin(guess + reach, length_), f_other = values_[w], time = guess, f;
+    double other = std::fmin(guess + reach, length_), f_other, time = guess, f;
+    if (!find_value(w, other, f_other, progress)) return Found::failed;
     for (int rounds = 0; rounds < 6; ++rounds) {
       if (!take_step(time, progress)) return Found::failed;
       f = values_[w];

@@ -29,7 +29,7 @@ struct LeastRebound {
 };
 constexpr LeastRebound least_rebound{1e-5, 1e-6};
 // Where other joints rest on stops, which might throw each other off in turn as many times.
-constexpr LeastRebound least_rebound_of_many{1e-3, 3e-5};
+constexpr LeastRebound least_rebound_of_many{1e-3, 3e-4};
 
 // s. Impacts within this time are one: one joint thrown against its stop by the impact of another can throw that back
 // infinitely often in no time.
