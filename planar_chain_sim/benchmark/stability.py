@@ -6,8 +6,9 @@ from typing import Iterator
 from .scenes import Check
 from .scenes.damaged_files import chain_files
 from .scenes.flood import messages
-from .scenes.friction import holding, ramp
+from .scenes.friction import holding, ramp, short_slips
 from .scenes.inputs import efforts, ticks
+from .scenes.joint_family import at_random
 from .scenes.masses import mass_ratios, massless
 from .scenes.motion import free_chain, let_go, long_pendulum, rope, spun, stiff, turns
 from .scenes.stops import bouncing, grazing, resting, stop_at_speed, together
@@ -21,7 +22,7 @@ SCENES = {
     'a million turns': turns,
     'stop hit at 100 rad/s': stop_at_speed, 'grazing a stop': grazing, 'two stops at once': together,
     'bouncing to rest': bouncing, 'an hour on a stop': resting, 'an hour held by friction': holding,
-    'stick and slip': ramp,
+    'stick and slip': ramp, 'slips of a few ms': short_slips, 'friction and stops at random': at_random,
     'efforts': efforts, 'ticks': ticks, 'chain files': chain_files, 'messages to the node': messages,
 }
 

@@ -1,12 +1,17 @@
 """A random family of scenes with stops and dry friction: serial arms, trees and sliding carts, and what drives them."""
 from __future__ import annotations
 
-from typing import NamedTuple, Optional
+import time
+from typing import Iterator, NamedTuple, Optional
 
 import numpy as np
 
+from . import Check, total_energy
 from ...chain import Chain
 from ...chain_yaml import chain_from_dict
+from ...dynamics import SimulationError
+from ...integrators import METHODS as ROWS
+from ...simulation import Simulation
 
 METHODS = ('auto', 'rk4', 'dop853', 'dop853_fixed', 'gauss6', 'rodas5p')
 STEPS = (1e-4, 1e-3, 1e-2)   # s
@@ -87,4 +92,74 @@ def random_scene(seed: int) -> Scene:
         bodies.append(body)
     chain = chain_from_dict({'name': f'scene{seed}', 'bodies': bodies})
     return Scene(chain, METHODS[seed % 6], STEPS[seed // 6 % 3], DRIVES[seed // 18 % 4],
-                 10.0 ** random.uniform(-1.0, 1.0) * random.normal(size=joints), random.uniform(0.5, 20.0, joints), seed)
+                 10.0 ** random.uniform(-1.0, 1.0) * random.normal(size=joints), random.uniform(0.5, 20.0, joints),
+                 seed)
+
+
+class Report(NamedTuple):
+    """
+    What a run of a scene gave: why it ended early, or None; the most steps and the most CPU time, s, of a tick.
+
+    `events`; `steps` of the ticks that had one; `rise` of the energy in a tick, J, beyond 1e-9 of its range and 1e-13
+    of its size, where nothing drives the scene, else 0.
+    """
+
+    failed: Optional[str]
+    most_steps: int
+    most_time: float
+    events: int
+    steps: int
+    rise: float
+
+
+def run_scene(scene: Scene, duration: float) -> Report:
+    """Run a scene tick by tick for `duration` s; one that nothing drives, adaptive, with a tolerance of 1e-12."""
+    free = scene.drive == 'none'
+    tolerance = 1e-12 if free and (scene.method == 'auto' or ROWS[scene.method].adaptive) else None
+    simulation = Simulation(scene.chain, scene.method, scene.step, tolerance)
+    ticks = round(duration / scene.step)
+    efforts = scene.efforts(ticks)
+    energies = [total_energy(simulation)] if free else []
+    most_steps, most_time, steps, failed, before = 0, 0.0, 0, None, simulation.statistics
+    for tick in range(ticks):
+        effort = efforts if efforts is None or efforts.ndim == 1 else efforts[tick]
+        start = time.thread_time()
+        try:
+            simulation.advance(1, effort)
+        except SimulationError as error:
+            failed = str(error)
+            break
+        most_time = max(most_time, time.thread_time() - start)
+        now = simulation.statistics
+        taken = now['steps'] - before['steps']
+        most_steps = max(most_steps, taken)
+        steps += taken if now['events'] > before['events'] else 0
+        before = now
+        if free:
+            energies.append(total_energy(simulation))
+    rise = 0.0
+    if len(energies) > 1:
+        rise = max(0.0, np.diff(energies).max() - 1e-9 * np.ptp(energies) - 1e-13 * np.abs(energies).max())
+    return Report(failed, most_steps, most_time, before['events'], steps, float(rise))
+
+
+def at_random(peers: dict, size: float) -> Iterator[Check]:
+    """Run the family, 5 s each; ticks of 1 ms and 0.1 ms are short enough for methods of fixed step, 10 ms are not."""
+    count = max(18, int(5000 * size))
+    reports = [(scene, run_scene(scene, 5.0)) for scene in map(random_scene, range(count))]
+    failures = [report.failed for _, report in reports if report.failed]
+    coarse = [failure for failure in failures if 'the step is too long' in failure]
+    ended = len(failures) - len(coarse)
+    yield Check(f'{count} scenes with friction and stops, 5 s: runs that end', 0, ended)
+    yield Check('of these: steps of 10 ms that are too long for the method, and named so', count // 200 + 1, len(coarse))
+    fine = [report for scene, report in reports if scene.step < 5e-3 or scene.method == 'auto'
+            or ROWS[scene.method].adaptive]
+    yield Check('nothing drives them: energy rises in a tick by more than 1e-9 of its range: scenes', count // 500,
+                sum(report.rise > 0.0 for report in fine))
+    yield Check('steps in ticks with events, per event', 10.0,
+                sum(report.steps for _, report in reports) / max(1, sum(report.events for _, report in reports)))
+    most = np.array([report.most_steps for _, report in reports])
+    spread = ', '.join(f'{100.0 * np.mean(most <= bound):.1f} % at most {bound}' for bound in (10, 20, 50, 100))
+    yield Check(f'most steps in a tick, where several joints bounce at once; {spread}', 400, int(most.max()))
+    slow = np.array([report.most_time for _, report in reports])
+    yield Check('scenes with a tick of more than 1 ms of CPU', count // 50 + 1, int((slow > 1e-3).sum()))
