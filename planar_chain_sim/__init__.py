@@ -24,7 +24,7 @@ _HOME = {
     'METHODS': 'integrators',
     'linearize': 'linearization',
     'Checkpoint': 'simulation', 'Simulation': 'simulation',
-    'SimulationError': 'dynamics',
+    'Interrupted': 'dynamics', 'SimulationError': 'dynamics',
     'Run': 'simulation', 'rollout': 'simulation',
 }
 __all__ = ['__version__', *_HOME]

@@ -24,14 +24,20 @@ class SimulationError(RuntimeError):
         self.position, self.velocity = position, velocity
 
 
+class Interrupted(RuntimeError):
+    """Simulation.interrupt() ended a call; the simulation is at the last whole tick and can go on from there."""
+
+
 def joint_array(name: str, values, shape: tuple) -> np.ndarray:
-    """`values` as finite C-ordered float64 of the wanted shape; ValueError names argument, got and wanted."""
+    """`values` as finite, aligned, C-ordered float64 of the wanted shape; ValueError names argument, got and wanted."""
     try:
         array = np.ascontiguousarray(values, dtype=np.float64)
     except (TypeError, ValueError):
         raise ValueError(f'{name} must be numbers of shape {shape}, got {values!r:.80}') from None
     if array.shape != shape:
         raise ValueError(f'{name} has shape {array.shape}, must have {shape}')
+    if not array.flags.aligned:
+        array = array.copy()
     if not np.isfinite(array).all():
         where = tuple(int(k) for k in np.argwhere(~np.isfinite(array))[0])
         raise ValueError(f'{name}{list(where)} is {array[where]}, must be finite')

@@ -48,7 +48,8 @@ class EventDriven final : public Integrator {
     Progress progress;
     double offset = now - static_cast<double>(tick) * step_;
     for (; progress.ticks < ticks; ++progress.ticks, offset = 0.0)
-      if (!go(tick + progress.ticks, offset, step_, state, actuator, progress)) break;
+      if (stopped(joints_)) return progress.outcome = Outcome::interrupted, progress;
+      else if (!go(tick + progress.ticks, offset, step_, state, actuator, progress)) break;
     return progress;
   }
 
@@ -72,28 +73,29 @@ class EventDriven final : public Integrator {
     make_motion();
   }
 
-  std::vector<double> save() const override {
-    std::vector<double> all = {!under_way_ ? 0.0 : changed_ ? 2.0 : 1.0};
-    if (!under_way_) return all;
+  void save(std::vector<double>& all) const override {
+    all.push_back(static_cast<double>(Kept::events)), all.push_back(!under_way_ ? 0.0 : changed_ ? 2.0 : 1.0);
+    if (!under_way_) return;
     all.insert(all.end(), held_.begin(), held_.end());
     for (int j = 0; j < joints_; ++j) all.push_back(holding_.standing[j] ? 1.0 : 0.0), all.push_back(holding_.sign[j]);
     all.insert(all.end(), holding_.places.begin(), holding_.places.end());
-    if (motion_) {
-      const std::vector<double> ahead = motion_->save();
-      all.insert(all.end(), ahead.begin(), ahead.end());
-    }
-    return all;
+    if (motion_) motion_->save(all);
   }
 
-  void load(const std::vector<double>& all) override {
-    under_way_ = all[0] != 0.0, changed_ = all[0] == 2.0;
-    if (!under_way_) return;
-    const double* at = all.data() + 1;
-    for (double& value : held_) value = *at++;
-    for (int j = 0; j < joints_; ++j) holding_.standing[j] = *at++ != 0.0, holding_.sign[j] = *at++;
-    holding_.places.assign(at, at + joints_), at += joints_;
+  bool load(KeptNumbers& kept, std::int64_t tick, double now, const JointState*) override {
+    int status;
+    if (!kept.is(Kept::events) || !kept.whole(status, 0, 2)) return false;
+    under_way_ = status != 0, changed_ = status == 2;
+    if (!under_way_) return kept.left() == 0;
+    if (!kept.numbers(held_)) return false;
+    for (int j = 0; j < joints_; ++j) {
+      bool stands;
+      if (!kept.whole(stands, 0, 1) || !kept.whole(holding_.sign[j], -1, 1)) return false;
+      holding_.standing[j] = stands;
+    }
+    if (!kept.numbers(holding_.places)) return false;
     make_motion();
-    if (motion_) motion_->load(std::vector<double>(at, all.data() + all.size()));
+    return motion_ ? motion_->load(kept, tick, now, nullptr) : kept.left() == 0;
   }
 
   // Accelerations at a state under the actuators that acted last, of joints that stand zero; -1, or the joint whose pivot
@@ -126,9 +128,15 @@ class EventDriven final : public Integrator {
 
   // From `from` to `to` s behind `tick`; false, with the state as it was, where it fails.
   bool go(std::int64_t tick, double from, double to, JointState& state, const double* actuator, Progress& progress) {
-    kept_ = state;
+    kept_ = state, saved_.clear(), save(saved_);
+    const std::int64_t events_before = counts.events;
     if (begin(tick, from, state, actuator, progress) && run(tick, from, to, state, progress)) return true;
     state = kept_, under_way_ = changed_ = false;
+    if (progress.outcome != Outcome::interrupted) return false;
+    for (std::int64_t k = counts.events - events_before; k > 0 && !events.empty(); --k) events.pop_back();
+    before_.events -= counts.events - events_before, counts.events = events_before;
+    KeptNumbers saved(saved_.data(), saved_.data() + saved_.size());
+    if (!load(saved, tick, 0.0, nullptr)) under_way_ = false;
     return false;
   }
 
@@ -325,9 +333,10 @@ class EventDriven final : public Integrator {
     const int moving = static_cast<int>(part_.joints.size());
     for (JointState* state : {&moved_, &later_, &turning_}) *state = JointState(moving);
     lambda_.resize(joints_);
-    const bool dense = dense_ && (method_.family == "taylor" || SerialRecursion::holds_for(part_.chain));
+    const bool dense = dense_ && (method_.family == Family::taylor || SerialRecursion::holds_for(part_.chain));
     form_ = make_form<double>(part_.chain, dense);
     motion_ = planar_chain::make_motion(method_, part_.chain, *form_, part_.forces, step_, dense);
+    motion_->lookout = lookout;
   }
 
   void gather(const JointState& state, JointState& moved) const {
@@ -372,6 +381,7 @@ class EventDriven final : public Integrator {
   JointState moved_{0}, later_{0}, turning_{0};
   std::vector<double> lambda_, of_moved_, work_, acceleration_;
   JointState kept_, full_;
+  std::vector<double> saved_;                                 // what save() says before a tick
 };
 
 inline std::unique_ptr<Integrator> make_integrator(const MethodData& method, const Chain& chain, Form& form,

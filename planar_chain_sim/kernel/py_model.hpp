@@ -7,10 +7,14 @@
 #include <pybind11/stl.h>
 
 #include <algorithm>
+#include <cmath>
 #include <complex>
 #include <cstdint>
+#include <initializer_list>
+#include <iterator>
 #include <memory>
 #include <optional>
+#include <string>
 #include <tuple>
 #include <utility>
 #include <vector>
@@ -28,6 +32,17 @@ namespace pc = planar_chain;
 using Array = py::array_t<double, py::array::c_style>;
 using Ints = py::array_t<int, py::array::c_style>;
 
+// Whether the numbers lie where the processor can read them.
+inline bool aligned(const py::array& array) { return (array.flags() & py::detail::npy_api::NPY_ARRAY_ALIGNED_) != 0; }
+
+// An array of so many numbers; Python, which has checked it, says what was wanted.
+inline const double* numbers_of(const Array& array, py::ssize_t count) {
+  if (array.size() != count || !aligned(array))
+    throw py::value_error("the kernel got an array of " + std::to_string(array.size()) + " numbers, must be " +
+                          std::to_string(count) + ", aligned");
+  return array.data();
+}
+
 inline Array make_array(const std::vector<double>& values) {
   return Array(static_cast<py::ssize_t>(values.size()), values.data());
 }
@@ -36,6 +51,7 @@ inline Array make_array(const std::vector<double>& values) {
 class Model {
  public:
   Model(const Ints& topology, const Array& constants, std::tuple<double, double> gravity, int joint_count) {
+    check(topology, constants, joint_count);
     const auto t = topology.unchecked<2>();   // carrier slot, slide joint, rotation joint
     const auto c = constants.unchecked<2>();  // in the order of Link::numbers
     chain_.joint_count = joint_count;
@@ -59,9 +75,16 @@ class Model {
   const pc::Chain& chain() const { return chain_; }
   pc::JointForces forces;
 
+  // Of a law that is added.
+  int joint(int index) const {
+    if (index < 0 || index >= chain_.joint_count) throw py::value_error("the kernel got joint " + std::to_string(index));
+    return index;
+  }
+
   std::pair<Array, int> forward_dynamics(const Array& position, const Array& velocity, const Array& effort,
                                          bool dense) {
     Array acceleration(chain_.joint_count);
+    check({&position, &velocity, &effort});
     std::copy(effort.data(), effort.data() + chain_.joint_count, effort_.begin());
     forces.add_passive(position.data(), velocity.data(), effort_.data());
     const int joint =
@@ -72,14 +95,15 @@ class Model {
   // The same evaluation in a compiled loop, each from a slightly different angle, for timing alone.
   double evaluate_repeatedly(const Array& position, const Array& velocity, const Array& effort, std::int64_t count,
                              bool dense) {
+    check({&position, &velocity, &effort});
     std::vector<double> q(position.data(), position.data() + chain_.joint_count), acceleration(effort_.size());
-    std::copy(effort.data(), effort.data() + chain_.joint_count, effort_.begin());
+    const std::vector<double> acting(effort.data(), effort.data() + chain_.joint_count);
     double sum = 0.0;
-    pc::Form& chosen = form(dense);
+    const std::unique_ptr<pc::Form> chosen = pc::make_form<double>(chain_, dense);  // others may ask this model meanwhile
     py::gil_scoped_release release;
     for (std::int64_t k = 0; k < count; ++k) {
       q[0] += 1e-9;
-      chosen.forward(q.data(), velocity.data(), effort_.data(), acceleration.data());
+      chosen->forward(q.data(), velocity.data(), acting.data(), acceleration.data());
       sum += acceleration[0];
     }
     return sum;
@@ -87,6 +111,7 @@ class Model {
 
   Array inverse_dynamics(const Array& position, const Array& velocity, const Array& acceleration) {
     Array effort(chain_.joint_count);
+    check({&position, &velocity, &acceleration});
     recursion_->inverse(near(position), velocity.data(), acceleration.data(), true, effort.mutable_data());
     std::fill(effort_.begin(), effort_.end(), 0.0);
     forces.add_passive(position.data(), velocity.data(), effort_.data());
@@ -97,6 +122,7 @@ class Model {
   // Column j is the effort of a unit acceleration of joint j, at rest and without gravity.
   Array mass_matrix(const Array& position) {
     const int n = chain_.joint_count;
+    check({&position});
     Array matrix({n, n});
     std::vector<double> zero(effort_.size()), unit(effort_.size());
     for (int j = 0; j < n; ++j) {
@@ -112,6 +138,7 @@ class Model {
 
   // Mass matrix, and derivatives by position and velocity of the effort that inverse_dynamics gives; joints x joints.
   std::tuple<Array, Array, Array> derivatives(const Array& position, const Array& velocity, const Array& acceleration) {
+    check({&position, &velocity, &acceleration});
     pc::Jacobian jacobian(chain_, forces);
     jacobian.compute(near(position), velocity.data(), acceleration.data());
     const int n = chain_.joint_count;
@@ -120,12 +147,36 @@ class Model {
   }
 
   std::pair<double, double> energy(const Array& position, const Array& velocity) {
+    check({&position, &velocity});
     double kinetic, potential;
     recursion_->energy(near(position), velocity.data(), kinetic, potential);
     return {kinetic, potential + forces.spring_energy(position.data())};
   }
 
  private:
+  void check(std::initializer_list<const Array*> arrays) const {
+    for (const Array* array : arrays) numbers_of(*array, chain_.joint_count);
+  }
+
+  // A tree in regular labelling in which each joint moves one link.
+  static void check(const Ints& topology, const Array& constants, int joint_count) {
+    const py::ssize_t links = topology.ndim() == 2 ? topology.shape(0) : -1, columns = std::size(pc::Link::numbers);
+    bool good = links > 0 && topology.shape(1) == 3 && constants.ndim() == 2 && constants.shape(0) == links &&
+                constants.shape(1) == columns && aligned(topology) && aligned(constants) && joint_count > 0 &&
+                joint_count <= 2 * links;
+    std::vector<int> moved(good ? static_cast<std::size_t>(joint_count) : 0);
+    for (py::ssize_t i = 0; good && i < links; ++i) {
+      const int carrier = topology.at(i, 0), slide = topology.at(i, 1), rotation = topology.at(i, 2);
+      good = carrier >= 0 && carrier <= i && (slide >= 0 || rotation >= 0);
+      for (const int joint : {slide, rotation}) {
+        good = good && joint >= -1 && joint < joint_count;
+        if (good && joint >= 0) ++moved[static_cast<std::size_t>(joint)];
+      }
+    }
+    if (!good || std::any_of(moved.begin(), moved.end(), [](int links_moved) { return links_moved != 1; }))
+      throw py::value_error("the kernel got arrays that describe no chain");
+  }
+
   // Positions without whole turns.
   const double* near(const Array& position) {
     if (!turns_->find(position.data())) return position.data();

@@ -153,8 +153,9 @@ def load(node, values, stop):
 def create_simulation(chain, values):
     """Return the Simulation of the chain and the parameters; Mistake where there can't be one."""
     from .simulator import payload_of
-    from ..changes import apply_change, changed_chain, QUANTITIES
+    from ..changes import apply_change
     from ..command_line import Mistake
+    from ..quantities import changed_chain, QUANTITIES
     from ..simulation import Simulation
     try:
         for name in QUANTITIES:
