@@ -15,10 +15,11 @@ class Method:
     """
     A method of integration.
 
-    `family`: a name of the kernel's FAMILIES. `order`: of the global error; None where it follows from the tolerance. `a` (stages, stages) and `b` (stages,):
-    Butcher tableau of a Runge-Kutta method; strictly lower triangular where that is explicit. An adaptive one has
-    `error`, one or two rows (stages + 1,): b less the weights of the embedded methods, of which the last acts on the
-    derivative at the step's end. Its dense output is the cubic Hermite polynomial and, beyond that, `dense`, rows of
+    `family`: a name of the kernel's FAMILIES; ValueError for another. `order`: of the global error; None where it
+    follows from the tolerance. `a` (stages, stages) and `b` (stages,): Butcher tableau of a Runge-Kutta method;
+    strictly lower triangular where that is explicit. An adaptive one has `error`, one or two rows (stages + 1,): b less
+    the weights of the embedded methods, of which the last acts on the derivative at the step's end. Its dense output is
+    the cubic Hermite polynomial and, beyond that, `dense`, rows of
     terms in the order of Hairer's codes, (stages + 1 + extra,), over the stages, the end, and extra stages that have
     their rows in `dense_a`. A Rosenbrock method has `a`, `c` and `gamma` in the variables of Hairer, Wanner, Solving
     ODEs II, (IV.7.25), and `error`, one row, and `dense` over its stages (stages,).

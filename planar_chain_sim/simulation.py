@@ -100,8 +100,9 @@ def stop_error(chain: Chain, tick: int, time: float, outcome: int, joint: int, p
     """Why the kernel stopped at this last good state, as an error to raise or to keep."""
     name = chain.joint_names[joint]
     body = chain.body_of(name)
+    why = _WHY[_kernel.OUTCOMES[outcome]]
     return SimulationError(f"{where}joint '{name}' of body '{body}' of {chain.name} at tick {tick}, t = {time!r} s: "
-                           f'{_WHY[_kernel.OUTCOMES[outcome]]}; the last good state is kept', joint=name, body=body, time=time, tick=tick,
+                           f'{why}; the last good state is kept', joint=name, body=body, time=time, tick=tick,
                            position=position, velocity=velocity)
 
 
@@ -443,7 +444,7 @@ class Simulation:
         self._tell_stop(stopped)
 
     def _place_of(self, time: float, name: str) -> tuple[int, Optional[float]]:
-        """Tick of a time, and the time itself where it is between that tick and the next; ValueError calls it `name`."""
+        """Tick of a time, and the time itself if it is between that tick and the next; ValueError calls it `name`."""
         try:
             return whole_ticks(time, self.step, name), None
         except ValueError:

@@ -132,7 +132,10 @@ class AdaptiveStep : public Motion {
                        &steps_.running})
       if (!kept.numbers(*part)) return false;
     steps_.under_way = true;
-    return resume() && (state == nullptr ? leads_near(tick) : leads_to(tick, now, *state));
+    const Counts counted = counts;
+    const bool good = resume() && (state == nullptr ? leads_near(tick) : leads_to(tick, now, *state));
+    counts = counted;
+    return good;
   }
 
  protected:

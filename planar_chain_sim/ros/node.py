@@ -105,6 +105,7 @@ def serve(node, ending, stop, simulator, chain, urdf, values, log) -> None:
             marker_array(chain, *simulator.seen, frame_id)))
     services.start()
     ending.callback(services.stop)
+    ending.callback(simulator.halt)   # first of all: a service must not wait for a tick that takes long
 
 
 def tell_of_clocks(node, values) -> None:
