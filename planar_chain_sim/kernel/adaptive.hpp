@@ -125,7 +125,8 @@ class AdaptiveStep : public Motion {
     if (!under_way) return kept.left() == 0;
     if (!kept.whole(steps_.origin, -most, most) || !kept.at_least_zero(steps_.origin_offset) ||
         !kept.at_least_zero(steps_.from) || !kept.number(steps_.from_low) || !kept.at_least_zero(steps_.length) ||
-        !kept.number(steps_.proposal) || steps_.length == 0.0 || kept.left() != 5 * steps_.running.size())
+        !kept.number(steps_.proposal) || steps_.length == 0.0 ||
+        steps_.from + steps_.from_low != steps_.from || kept.left() != 5 * steps_.running.size())
       return false;
     JointState& base = steps_.base;
     for (auto* part : {&base.position, &base.velocity, &base.position_remainder, &base.velocity_remainder,
@@ -133,7 +134,8 @@ class AdaptiveStep : public Motion {
       if (!kept.numbers(*part)) return false;
     steps_.under_way = true;
     const Counts counted = counts;
-    const bool good = resume() && (state == nullptr ? leads_near(tick) : leads_to(tick, now, *state));
+    bool good = resume() && covers_present(tick, now);
+    if (good && state != nullptr) good = kept.cut ? leads_near(tick, now, *state) : leads_to(tick, now, *state);
     counts = counted;
     return good;
   }
@@ -226,10 +228,23 @@ class AdaptiveStep : public Motion {
            same(next_.velocity_remainder, state.velocity_remainder);
   }
 
-  // Whether the present step is about there.
-  bool leads_near(std::int64_t tick) const {
-    const double early = since_origin(tick) - 2.0 * tick_length_;
-    return early <= steps_.from + steps_.length && early + 4.0 * tick_length_ >= steps_.from;
+  // Whether these steps give about that state then.
+  bool leads_near(std::int64_t tick, double now, const JointState& state) {
+    int joint;
+    if (open(steps_.base, joint) != Outcome::good) return false;
+    read_at(since_origin(tick) + (now - static_cast<double>(tick) * tick_length_), next_);
+    const auto near = [](double one, double other) { return std::fabs(one - other) <= 1e-9 * (1.0 + std::fabs(other)); };
+    for (int i = 0; i < joints(); ++i)
+      if (!near(next_.position[i], state.position[i]) || !near(next_.velocity[i], state.velocity[i])) return false;
+    return true;
+  }
+
+  // Whether that time is in the present step, up to rounding, and the step is not lost in rounding.
+  bool covers_present(std::int64_t tick, double now) const {
+    const double time = since_origin(tick) + (now - static_cast<double>(tick) * tick_length_);
+    const double slack = 16.0 * std::numeric_limits<double>::epsilon() *
+                         (std::fabs(time) + tick_length_ + steps_.origin_offset);
+    return time >= steps_.from - slack && time <= steps_.from + steps_.length + slack && 1e4 * steps_.length >= slack;
   }
 
   // Times are counted from where steps began, in whole ticks: a motion does not depend on when it happens.

@@ -82,7 +82,7 @@ class EventDriven final : public Integrator {
     if (motion_) motion_->save(all);
   }
 
-  bool load(KeptNumbers& kept, std::int64_t tick, double now, const JointState*) override {
+  bool load(KeptNumbers& kept, std::int64_t tick, double now, const JointState* state) override {
     int status;
     if (!kept.is(Kept::events) || !kept.whole(status, 0, 2)) return false;
     under_way_ = status != 0, changed_ = status == 2;
@@ -95,7 +95,10 @@ class EventDriven final : public Integrator {
     }
     if (!kept.numbers(holding_.places)) return false;
     make_motion();
-    return motion_ ? motion_->load(kept, tick, now, nullptr) : kept.left() == 0;
+    if (!motion_) return kept.left() == 0;
+    if (state != nullptr) gather(*state, moved_);
+    kept.cut = true;
+    return motion_->load(kept, tick, now, state != nullptr ? &moved_ : nullptr);
   }
 
   // Accelerations at a state under the actuators that acted last, of joints that stand zero; -1, or the joint whose pivot
@@ -136,7 +139,7 @@ class EventDriven final : public Integrator {
     for (std::int64_t k = counts.events - events_before; k > 0 && !events.empty(); --k) events.pop_back();
     before_.events -= counts.events - events_before, counts.events = events_before;
     KeptNumbers saved(saved_.data(), saved_.data() + saved_.size());
-    if (!load(saved, tick, 0.0, nullptr)) under_way_ = false;
+    if (!load(saved, tick, static_cast<double>(tick) * step_ + from, nullptr)) under_way_ = false;
     return false;
   }
 

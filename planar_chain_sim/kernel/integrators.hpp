@@ -76,6 +76,8 @@ class KeptNumbers {
  public:
   KeptNumbers(const double* begin, const double* end) : at_(begin), end_(end) {}
 
+  bool cut = false;  // of a motion that events cut short: a time in it is known up to rounding
+
   std::size_t left() const { return static_cast<std::size_t>(end_ - at_); }
   const double* at() const { return at_; }
 
