@@ -64,7 +64,7 @@ soak: $(BENCH_READY) $(TEST_READY)
 FUZZ_SECONDS := $(or $(SECONDS),300)
 WATCHED = mkdir -p build/$(1) && rm -rf build/$(1)/planar_chain_sim && cp -r planar_chain_sim config build/$(1) && \
   rm -f build/$(1)/planar_chain_sim/_kernel*.so && $(CXX) -std=c++17 -O1 -g -ffp-contract=off -fvisibility=hidden -fPIC \
-  -shared -pthread $(2) $(KERNEL)/bindings.cpp -o build/$(1)/planar_chain_sim/_kernel.so \
+  -shared -pthread -DPLANAR_CHAIN_NARROW $(2) $(KERNEL)/bindings.cpp -o build/$(1)/planar_chain_sim/_kernel.so \
   $$($(PY) -c 'import pybind11, sysconfig; print("-I", sysconfig.get_path("include"), "-I", pybind11.get_include())')
 fuzz: $(TEST_READY)
 	$(call WATCHED,memory,-fsanitize=address -fsanitize=undefined -fno-sanitize-recover=all)

@@ -277,14 +277,14 @@ class Simulation:
         with self._changing:
             bodies = {body.name for body in chain.bodies}
             wrenches = {body: wrench for body, wrench in self._wrenches.items() if body in bodies}
+            fresh._stepper.set_wrenches(on_links(chain, wrenches))
             self._go_on_with(chain, wrenches, fresh._stepper, False)
             bare = self._bare_chain(chain, self._own_bodies)
             if bare not in self._bare_chains:
                 self._bare_chains += (bare,)
 
     def _go_on_with(self, chain: Chain, wrenches: Mapping[str, Wrench], fresh, with_state: bool) -> None:
-        """Put the stepper `fresh`, made for the chain, in the place of the present one, whose state goes on or not."""
-        fresh.set_wrenches(on_links(chain, wrenches))
+        """Put the stepper `fresh` of the chain in the place of the present one; with its own state, or the present."""
         counts, events = self._stepper.adopt(fresh, with_state)
         self._counted = tuple(before + count for before, count in zip(self._counted, counts))
         self._untaken = self._untaken + [self._joint_event(*event) for event in events]
