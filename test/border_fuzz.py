@@ -27,9 +27,9 @@ FRICTION = pcs.chain_from_dict({'name': 'rubbing', 'bodies': [
     {'name': 'a', 'carrier': 'base', 'mass': 1.0, 'inertia': 0.5, 'center_of_mass': [0.5, 0.0],
      'rotation': {'joint': 'j', 'friction': 0.3, 'lower': -1.0, 'upper': 1.0}},
     {'name': 'b', 'carrier': 'a', 'origin': [1.0, 0.0], 'mass': 1.0, 'inertia': 0.5, 'center_of_mass': [0.5, 0.0],
-     'rotation': {'joint': 'k', 'friction': 0.1}},
+     'rotation': {'joint': 'k', 'damping': 0.1}},
     {'name': 'c', 'carrier': 'b', 'mass': 1.0, 'inertia': 0.5,
-     'slide': {'joint': 's', 'axis': 0.5, 'lower': -0.2, 'upper': 0.2}}]})
+     'slide': {'joint': 's', 'axis': 0.5, 'stiffness': 200.0, 'friction': 0.2}}]})
 CHAINS = [pcs.load_chain('double_pendulum.yaml'), pcs.load_chain('four_link_robot.yaml'), FRICTION]
 REFUSALS = (ValueError, TypeError, BufferError, pcs.SimulationError, pcs.Interrupted, MemoryError)
 PATIENCE = 0.3   # s for one call

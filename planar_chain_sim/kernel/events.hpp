@@ -61,6 +61,11 @@ class EventDriven final : public Integrator {
     return true;
   }
 
+  void look_out(Lookout* lookout) override {
+    lookout_ = lookout;
+    if (motion_) motion_->look_out(lookout);
+  }
+
   void forget() override { under_way_ = changed_ = false; }
 
   void forces_changed() override { changed_ = under_way_; }
@@ -339,7 +344,7 @@ class EventDriven final : public Integrator {
     const bool dense = dense_ && (method_.family == Family::taylor || SerialRecursion::holds_for(part_.chain));
     form_ = make_form<double>(part_.chain, dense);
     motion_ = planar_chain::make_motion(method_, part_.chain, *form_, part_.forces, step_, dense);
-    motion_->lookout = lookout;
+    motion_->look_out(lookout_);
   }
 
   void gather(const JointState& state, JointState& moved) const {

@@ -117,9 +117,11 @@ class Integrator {
  public:
   Counts counts;
   CoarseStep coarse;           // the first one
-  Lookout* lookout = nullptr;  // for a stop while advance() or reach() goes on; null: there can be none
 
   virtual ~Integrator() = default;
+
+  // Where it looks for a stop while advance() or reach() goes on; null: there can be none.
+  virtual void look_out(Lookout* lookout) { lookout_ = lookout; }
 
   // Moves `state`, which is at `now` s, that is at tick `tick` or not yet at the next, on to tick + ticks under the
   // clamped actuator effort. Stops before a tick that fails: the state is then that of the last good one. Calls may be
@@ -150,7 +152,9 @@ class Integrator {
   }
 
  protected:
-  bool stopped(std::int64_t work) { return lookout != nullptr && lookout->stop(work); }
+  bool stopped(std::int64_t work) { return lookout_ != nullptr && lookout_->stop(work); }
+
+  Lookout* lookout_ = nullptr;
 };
 
 // An integrator of smooth motion, which events may cut short (events.hpp).

@@ -32,7 +32,7 @@ class Stepper {
         state_(model.cast<const Model&>().chain().joint_count), effort_(state_.position.size()),
         latched_(state_.position.size()), zero_(state_.position.size()), step_(step), adaptive_(method.adaptive),
         lookout_(stop_wanted_) {
-    scene_->integrator->lookout = &lookout_;
+    scene_->integrator->look_out(&lookout_);
   }
   Stepper(const Stepper&) = delete;
 
@@ -170,7 +170,7 @@ class Stepper {
       throw py::value_error("the kernel got a chain with other joints");
     const py::tuple before = py::make_tuple(counts(), take_events());
     std::swap(scene_, fresh.scene_);
-    scene_->integrator->lookout = &lookout_, fresh.scene_->integrator->lookout = &fresh.lookout_;
+    scene_->integrator->look_out(&lookout_), fresh.scene_->integrator->look_out(&fresh.lookout_);
     step_ = fresh.step_, adaptive_ = fresh.adaptive_;
     if (with_state) {
       state_ = fresh.state_, effort_ = fresh.effort_, tick_ = fresh.tick_, between_ = fresh.between_;
