@@ -68,8 +68,8 @@ WATCHED = mkdir -p build/$(1) && rm -rf build/$(1)/planar_chain_sim && cp -r pla
   $$($(PY) -c 'import pybind11, sysconfig; print("-I", sysconfig.get_path("include"), "-I", pybind11.get_include())')
 fuzz: $(TEST_READY)
 	$(call WATCHED,memory,-fsanitize=address -fsanitize=undefined -fno-sanitize-recover=all)
-	LD_PRELOAD="$$($(CXX) -print-file-name=libasan.so) $$($(CXX) -print-file-name=libubsan.so)" \
-	  ASAN_OPTIONS=detect_leaks=0 PYTHONPATH=build/memory $(PY) test/border_fuzz.py --seconds $(FUZZ_SECONDS) $(ARGS)
+	LD_PRELOAD="$$(for part in asan ubsan stdc++; do $(CXX) -print-file-name=lib$$part.so; done | xargs)" \
+	  ASAN_OPTIONS=detect_leaks=0:allocator_may_return_null=1 PYTHONPATH=build/memory $(PY) test/border_fuzz.py --seconds $(FUZZ_SECONDS) $(ARGS)
 races: $(TEST_READY)
 	$(call WATCHED,threads,-fsanitize=thread)
 	LD_PRELOAD=$$($(CXX) -print-file-name=libtsan.so) TSAN_OPTIONS='halt_on_error=1 report_signal_unsafe=0' \
