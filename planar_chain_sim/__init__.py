@@ -7,7 +7,7 @@ S, P, M, with (5.60), in `path_matrix`; (5.87) and (5.88) in `equations_of_motio
 `plan` and asked by `dynamics`; methods in `integrators`, long coefficients in `tableaux`; derivatives of the equations
 in `kernel/jacobian.hpp`, asked by `linearization`; the same equations term by term, to be read, in `symbolic`; stops
 and dry friction in `kernel/events.hpp` and `kernel/holding.hpp`; wrenches and payloads in `loads`; what of a chain may
-change in `quantities`; time in `simulation`; how a long call is stopped in `kernel/stop.hpp`, who may enter meanwhile in
+change in `quantities`; time in `simulation`; how a long call is stopped in `kernel/stop.hpp`, who may enter then in
 `kernel/py_turn.hpp`; logs in `recording`; everything that needs ROS in `ros`.
 
 Names are loaded when first used, so that an executable's first statement can be its signal handlers.
