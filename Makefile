@@ -23,7 +23,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # Stay on this machine unless told otherwise.
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
-.PHONY: run test lint colcon bench soak aarch64 clean
+.PHONY: run test lint colcon bench soak fuzz races aarch64 clean
 .NOTPARALLEL:
 
 run: $(RUN_READY)
@@ -57,6 +57,23 @@ soak: $(BENCH_READY) $(TEST_READY)
 	SOAK=20 $(PY) -m pytest test/test_node_process.py test/test_neighbours.py -k 'stop_signal or flood'
 	$(PY) -m planar_chain_sim.benchmark.soak --rate 1000 --seconds 600
 	$(PY) -m planar_chain_sim.benchmark.soak --rate 2000 5000 --seconds 60
+	$(MAKE) fuzz races
+
+# The kernel's border with a kernel that watches its memory (`fuzz`) or its threads (`races`), for some minutes;
+# SECONDS=3600 for an hour. Linux and gcc: the sanitizer's library must come before Python.
+FUZZ_SECONDS := $(or $(SECONDS),300)
+WATCHED = mkdir -p build/$(1) && rm -rf build/$(1)/planar_chain_sim && cp -r planar_chain_sim config build/$(1) && \
+  rm -f build/$(1)/planar_chain_sim/_kernel*.so && $(CXX) -std=c++17 -O1 -g -ffp-contract=off -fvisibility=hidden -fPIC \
+  -shared -pthread -DPLANAR_CHAIN_NARROW $(2) $(KERNEL)/bindings.cpp -o build/$(1)/planar_chain_sim/_kernel.so \
+  $$($(PY) -c 'import pybind11, sysconfig; print("-I", sysconfig.get_path("include"), "-I", pybind11.get_include())')
+fuzz: $(TEST_READY)
+	$(call WATCHED,memory,-fsanitize=address -fsanitize=undefined -fno-sanitize-recover=all)
+	LD_PRELOAD="$$(for part in asan ubsan stdc++; do $(CXX) -print-file-name=lib$$part.so; done | xargs)" \
+	  ASAN_OPTIONS=detect_leaks=0:allocator_may_return_null=1 PYTHONPATH=build/memory $(PY) test/border_fuzz.py --seconds $(FUZZ_SECONDS) $(ARGS)
+races: $(TEST_READY)
+	$(call WATCHED,threads,-fsanitize=thread)
+	LD_PRELOAD=$$($(CXX) -print-file-name=libtsan.so) TSAN_OPTIONS='halt_on_error=1 report_signal_unsafe=0' \
+	  PYTHONPATH=build/threads $(PY) test/border_fuzz.py --races --seconds $(FUZZ_SECONDS) $(ARGS)
 
 # The kernel for another kind of processor, emulated, against the one here: needs a cross compiler and qemu-user.
 aarch64: $(RUN_READY)

@@ -6,8 +6,9 @@ S, P, M, with (5.60), in `path_matrix`; (5.87) and (5.88) in `equations_of_motio
 `joint_forces`; energy, (5.65) and (5.72), in `invariants`; the O(n) recursion in `kernel/recursive.hpp`, made ready by
 `plan` and asked by `dynamics`; methods in `integrators`, long coefficients in `tableaux`; derivatives of the equations
 in `kernel/jacobian.hpp`, asked by `linearization`; the same equations term by term, to be read, in `symbolic`; stops
-and dry friction in `kernel/events.hpp` and `kernel/holding.hpp`; wrenches and payloads in `loads`; time in
-`simulation`; logs in `recording`; everything that needs ROS in `ros`.
+and dry friction in `kernel/events.hpp` and `kernel/holding.hpp`; wrenches and payloads in `loads`; what of a chain may
+change in `quantities`; time in `simulation`; how a long call is stopped in `kernel/stop.hpp`, who may enter then in
+`kernel/py_turn.hpp`; logs in `recording`; everything that needs ROS in `ros`.
 
 Names are loaded when first used, so that an executable's first statement can be its signal handlers.
 """
@@ -24,7 +25,7 @@ _HOME = {
     'METHODS': 'integrators',
     'linearize': 'linearization',
     'Checkpoint': 'simulation', 'Simulation': 'simulation',
-    'SimulationError': 'dynamics',
+    'Interrupted': 'dynamics', 'SimulationError': 'dynamics',
     'Run': 'simulation', 'rollout': 'simulation',
 }
 __all__ = ['__version__', *_HOME]

@@ -24,6 +24,10 @@ class SimulationError(RuntimeError):
         self.position, self.velocity = position, velocity
 
 
+class Interrupted(RuntimeError):
+    """Simulation.interrupt() ended a call; the simulation is at the last whole tick and can go on from there."""
+
+
 def joint_array(name: str, values, shape: tuple) -> np.ndarray:
     """`values` as finite C-ordered float64 of the wanted shape; ValueError names argument, got and wanted."""
     return _kernel.finite_array(name, values, shape)

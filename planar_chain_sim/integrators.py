@@ -16,10 +16,11 @@ class Method:
     """
     A method of integration.
 
-    `order`: of the global error; None where it follows from the tolerance. `a` (stages, stages) and `b` (stages,):
-    Butcher tableau of a Runge-Kutta method; strictly lower triangular where that is explicit. An adaptive one has
-    `error`, one or two rows (stages + 1,): b less the weights of the embedded methods, of which the last acts on the
-    derivative at the step's end. Its dense output is the cubic Hermite polynomial and, beyond that, `dense`, rows of
+    `family`: a name of the kernel's FAMILIES; ValueError for another. `order`: of the global error; None where it
+    follows from the tolerance. `a` (stages, stages) and `b` (stages,): Butcher tableau of a Runge-Kutta method;
+    strictly lower triangular where that is explicit. An adaptive one has `error`, one or two rows (stages + 1,): b less
+    the weights of the embedded methods, of which the last acts on the derivative at the step's end. Its dense output is
+    the cubic Hermite polynomial and, beyond that, `dense`, rows of
     terms in the order of Hairer's codes, (stages + 1 + extra,), over the stages, the end, and extra stages that have
     their rows in `dense_a`. A Rosenbrock method has `a`, `c` and `gamma` in the variables of Hairer, Wanner, Solving
     ODEs II, (IV.7.25), and `error`, one row, and `dense` over its stages (stages,).
@@ -38,6 +39,11 @@ class Method:
     dense: tuple = ()
     c: tuple = ()
     gamma: float = 0.0
+
+    def __post_init__(self):
+        if self.family not in _kernel.FAMILIES:
+            raise ValueError(f'family of method {self.name!r} is {self.family!r}, must be one of '
+                             f'{", ".join(map(repr, _kernel.FAMILIES))}')
 
     @cached_property
     def stability_limits(self) -> tuple[float, float]:
@@ -121,7 +127,7 @@ METHODS = {method.name: method for method in (
 
 STIFF = 'rodas5p'  # what auto takes for stiff damping
 
-UNROLLED_SERIES = 8  # joints up to which the kernel has Taylor series unrolled for their number
+UNROLLED_SERIES = _kernel.UNROLLED_SERIES  # joints up to which Taylor series are unrolled for their number
 
 
 def choose_method(tolerance: float, damping_rate: float, joints: int) -> str:

@@ -1,8 +1,9 @@
 """A chain in time: state, ticks, efforts; no clock, no ROS. Same chain, method, step and efforts: same bits."""
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import isfinite, ulp
+from threading import RLock
 from typing import Mapping, NamedTuple, Optional
 from warnings import warn
 
@@ -10,21 +11,23 @@ import numpy as np
 
 from . import _kernel
 from .chain import Chain
-from .dynamics import joint_array, resolve_form, SimulationError
+from .dynamics import Interrupted, joint_array, resolve_form, SimulationError
 from .integrators import choose_method, DEFAULT_TOLERANCE, method_data, METHODS, STIFF, taylor_order, UNROLLED_SERIES
 from .loads import checked_wrench, index_of, on_links, with_payload, without_payload, Wrench
 from .plan import damping_rate, plan_of, step_limit
+from .quantities import same_but_for_quantities
 
-# Outcomes of the kernel's step, in the order of `enum class Outcome` (kernel/integrators.hpp).
-_WHY = (None, 'the configuration is singular', 'the state ran away and would not be finite',
-        'the steps that the tolerance asks for have become too short to be taken',
-        'the step is too long for the iteration that solves it',
-        'the step is too long, two half steps lead somewhere else',
-        'its events follow one another without time going on')
+# Why the kernel stopped, by what it calls the outcome.
+_WHY = {'singular': 'the configuration is singular', 'not_finite': 'the state ran away and would not be finite',
+        'stalled': 'the steps that the tolerance asks for have become too short to be taken',
+        'too_long': 'the step is too long for the iteration that solves it',
+        'coarse': 'the step is too long, two half steps lead somewhere else',
+        'endless_events': 'its events follow one another without time going on'}
 
+EVENT_KINDS = _kernel.EVENT_KINDS
 
-# In the order of `enum class EventKind` (kernel/events.hpp).
-EVENT_KINDS = ('stop_touched', 'stop_left', 'stuck', 'slipped')
+CHECKPOINT_FORMAT = 2
+MOST_TICKS = 2**53   # a double counts no further
 
 
 class JointEvent(NamedTuple):
@@ -39,13 +42,29 @@ class JointEvent(NamedTuple):
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """What decides how a simulation goes on: its tick and the kernel's state, hidden round-off terms included."""
+    """
+    What decides how a simulation goes on: its tick, the kernel's state, hidden round-off terms included, and settings.
+
+    `state`: position, velocity, the remainders of both beyond double precision, effort, (joints,) each; then what the
+    method keeps, which only the same method with the same step, tolerance and form can use.
+    """
 
     tick: int
     state: tuple
     between: Optional[float] = None  # s, time between two ticks
-    chain: Optional[Chain] = None    # as it was then, None: the one that there is
+    chain: Optional[Chain] = None    # as it was then
     wrenches: Mapping[str, Wrench] = field(default_factory=dict)
+    method: Optional[str] = None
+    step: Optional[float] = None     # s
+    tolerance: Optional[float] = None
+    form: Optional[str] = None       # of the equations, resolved
+    own_bodies: Optional[int] = None  # bodies beyond are payloads
+    format: Optional[int] = None
+
+    @property
+    def time(self) -> float:
+        """Simulated time, s."""
+        return self.tick * self.step if self.between is None else self.between
 
 
 def initial_state(chain: Chain) -> tuple[np.ndarray, np.ndarray]:
@@ -89,8 +108,9 @@ def stop_error(chain: Chain, tick: int, time: float, outcome: int, joint: int, p
     """Why the kernel stopped at this last good state, as an error to raise or to keep."""
     name = chain.joint_names[joint]
     body = chain.body_of(name)
+    why = _WHY[_kernel.OUTCOMES[outcome]]
     return SimulationError(f"{where}joint '{name}' of body '{body}' of {chain.name} at tick {tick}, t = {time!r} s: "
-                           f'{_WHY[outcome]}; the last good state is kept', joint=name, body=body, time=time, tick=tick,
+                           f'{why}; the last good state is kept', joint=name, body=body, time=time, tick=tick,
                            position=position, velocity=velocity)
 
 
@@ -103,6 +123,11 @@ class Simulation:
 
     `step` s; `tolerance` belongs to adaptive methods; `form` as in forward_dynamics, one of the compiled.
     ValueError: bad method, step, tolerance or form.
+
+    Any thread may use a simulation: while one is in a long call, another one's call waits until that has returned, but
+    for interrupt(). A signal handler that runs in the midst of a call of its own thread gets a RuntimeError.
+
+    copy.copy, copy.deepcopy and pickle give an independent simulation that goes on with the same bits.
     """
 
     def __init__(self, chain: Chain, method: str = 'auto', step: float = 1e-3, tolerance: Optional[float] = None,
@@ -120,22 +145,44 @@ class Simulation:
             warn(f'step is {self.step!r} s, should be below about {limit[0]:.2g} s: method {self.method!r} is unstable '
                  f"beyond, for joint '{limit[1]}' of {chain.name} is stiff", RuntimeWarning, stacklevel=2)
         self.form_asked = form
-        self.form, self._why_form = self._resolve_form(form)
-        self._stepper = _kernel.Stepper(plan_of(chain).model, method_data(self._row, self.tolerance), self.step,
-                                        self.form == 'dense')
-        self._tick, self._between = 0, None
-        self._counted, self._untaken = (0, 0, 0, 0), []   # of steppers that a changed chain has replaced
+        self.form, self._why_form = self._resolve_form(chain)
+        self._stepper = self._make_stepper(chain, self.form)
+        self._counted, self._untaken = (0, 0, 0, 0), []   # of chains that others have replaced
         self._own_bodies, self._wrenches = len(chain.bodies), {}   # bodies beyond are payloads
+        self._bare_chains = (chain,)   # that it has had, without payloads
+        self._changing = RLock()       # of what is kept here and not in the kernel
         self.set_state(*initial_state(chain))
 
-    def _resolve_form(self, form: str) -> tuple[str, str]:
+    def _make_stepper(self, chain: Chain, form: str):
+        return _kernel.Stepper(plan_of(chain).model, method_data(self._row, self.tolerance), self.step, form == 'dense')
+
+    def __getstate__(self):
+        self._stepper.wait()
+        with self._changing:
+            self._untaken = self.take_events()
+            state = {name: value for name, value in vars(self).items() if name not in ('_row', '_stepper', '_changing')}
+            saved = self._stepper.save()
+            state.update(_wrenches=dict(self._wrenches), _untaken=list(self._untaken), _counted=self._counts(),
+                         _stepper=(*saved, self._stepper.told))
+        return state
+
+    def __setstate__(self, state):
+        *saved, told = state['_stepper']
+        vars(self).update(state, _row=METHODS[state['method']], _changing=RLock())
+        self._stepper = self._make_stepper(self.chain, self.form)
+        self._stepper.set_wrenches(on_links(self.chain, self._wrenches))
+        self._load(self._stepper, *saved)
+        self._stepper.told = told
+
+    def _resolve_form(self, chain: Chain) -> tuple[str, str]:
         """Form of the equations that is integrated, and why where 'auto' was asked for or there is no other."""
-        resolved = resolve_form(self.chain, form)
+        form = self.form_asked
+        resolved = resolve_form(chain, form)
         if self._row.family != 'taylor':
-            return resolved, plan_of(self.chain).why_form if form == 'auto' else ''
-        if self.chain.joint_count > UNROLLED_SERIES:
+            return resolved, plan_of(chain).why_form if form == 'auto' else ''
+        if chain.joint_count > UNROLLED_SERIES:
             return 'recursive', f' (the series of more than {UNROLLED_SERIES} joints is not unrolled)'
-        if form == 'auto' and plan_of(self.chain).model.refined:
+        if form == 'auto' and plan_of(chain).model.refined:
             return 'recursive', ' (auto: light links carry a heavy one)'
         if form == 'auto':
             return 'dense', f' (auto: the series of at most {UNROLLED_SERIES} joints is unrolled)'
@@ -144,12 +191,12 @@ class Simulation:
     @property
     def tick(self) -> int:
         """Ticks done since the start; the last whole one where advance_to has gone on between two ticks."""
-        return self._tick
+        return self._stepper.tick
 
     @property
     def time(self) -> float:
         """Simulated time, s: tick * step, or where between two ticks advance_to has led."""
-        return self._tick * self.step if self._between is None else self._between
+        return self._stepper.time
 
     @property
     def position(self) -> np.ndarray:
@@ -175,7 +222,7 @@ class Simulation:
         """
         acceleration, joint = self._stepper.acceleration()
         if joint >= 0:
-            raise self._error(1, joint)
+            raise self._error(_kernel.OUTCOMES.index('singular'), joint)
         return acceleration
 
     @property
@@ -193,10 +240,12 @@ class Simulation:
         fresh = self._stepper.take_events()
         if not fresh and not self._untaken:
             return []
-        untaken, self._untaken = self._untaken, []
-        return untaken + [
-            JointEvent(tick, tick * self.step + offset, EVENT_KINDS[kind], self.chain.joint_names[joint], speed)
-            for tick, offset, kind, joint, speed in fresh]
+        with self._changing:
+            untaken, self._untaken = self._untaken, []
+        return untaken + [self._joint_event(*event) for event in fresh]
+
+    def _joint_event(self, tick, offset, kind, joint, speed) -> JointEvent:
+        return JointEvent(tick, tick * self.step + offset, EVENT_KINDS[kind], self.chain.joint_names[joint], speed)
 
     @property
     def plan(self) -> str:
@@ -227,13 +276,27 @@ class Simulation:
         if chain.joint_names != self.chain.joint_names:
             raise ValueError(f'chain {chain.name!r} has other joints than {self.chain.name!r}, must have the same')
         fresh = Simulation(chain, self.method, self.step, self.tolerance, self.form_asked)
-        self._counted, self._untaken = self._counts(), self.take_events()
-        before, self._stepper = self._stepper, fresh._stepper
-        self.chain, self.form, self._why_form = chain, fresh.form, fresh._why_form
-        bodies, wrenches = {body.name for body in chain.bodies}, self._wrenches
-        self._wrenches = {}
-        self._put_wrenches({body: wrench for body, wrench in wrenches.items() if body in bodies})
-        self._stepper.take_over(before)
+        self._stepper.wait()
+        with self._changing:
+            bodies = {body.name for body in chain.bodies}
+            wrenches = {body: wrench for body, wrench in self._wrenches.items() if body in bodies}
+            fresh._stepper.set_wrenches(on_links(chain, wrenches))
+            self._go_on_with(chain, wrenches, fresh._stepper, False)
+            bare = self._bare_chain(chain, self._own_bodies)
+            if bare not in self._bare_chains:
+                self._bare_chains += (bare,)
+
+    def _go_on_with(self, chain: Chain, wrenches: Mapping[str, Wrench], fresh, with_state: bool) -> None:
+        """Put the stepper `fresh` of the chain in the place of the present one; with its own state, or the present."""
+        counts, events = self._stepper.adopt(fresh, with_state)
+        self._counted = tuple(before + count for before, count in zip(self._counted, counts))
+        self._untaken = self._untaken + [self._joint_event(*event) for event in events]
+        self.chain, self._wrenches = chain, dict(wrenches)
+        self.form, self._why_form = self._resolve_form(chain)
+
+    @staticmethod
+    def _bare_chain(chain: Chain, own_bodies: int) -> Chain:
+        return chain if len(chain.bodies) == own_bodies else replace(chain, bodies=chain.bodies[:own_bodies])
 
     @property
     def wrenches(self) -> dict[str, Wrench]:
@@ -248,13 +311,15 @@ class Simulation:
         'world'; `moment` N m, counter-clockwise (equations.md 6.5). ValueError: no such body, a number that is not
         finite, other axes.
         """
-        index_of(self.chain, body)
         wrench = checked_wrench(force, moment, axes)
-        wrenches = dict(self._wrenches)
-        wrenches.pop(body, None)
-        if wrench.force or wrench.moment:
-            wrenches[body] = wrench
-        self._put_wrenches(wrenches)
+        self._stepper.wait()
+        with self._changing:
+            index_of(self.chain, body)
+            wrenches = dict(self._wrenches)
+            wrenches.pop(body, None)
+            if wrench.force or wrench.moment:
+                wrenches[body] = wrench
+            self._put_wrenches(wrenches)
 
     @property
     def wrench_effort(self) -> np.ndarray:
@@ -263,12 +328,14 @@ class Simulation:
 
     def clear_wrenches(self) -> None:
         """Take all wrenches away."""
-        self._put_wrenches({})
+        self._stepper.wait()
+        with self._changing:
+            self._put_wrenches({})
 
     def _put_wrenches(self, wrenches: Mapping[str, Wrench]) -> None:
         if wrenches != self._wrenches:
-            self._wrenches = dict(wrenches)
             self._stepper.set_wrenches(on_links(self.chain, wrenches))
+            self._wrenches = dict(wrenches)
 
     def attach(self, body: str, mass: float, position=(0.0, 0.0), inertia_com: float = 0.0,
                name: str = 'payload') -> None:
@@ -291,7 +358,8 @@ class Simulation:
         return tuple(body.name for body in self.chain.bodies[self._own_bodies:])
 
     def _counts(self) -> tuple:
-        return tuple(before + count for before, count in zip(self._counted, self._stepper.counts))
+        with self._changing:
+            return tuple(before + count for before, count in zip(self._counted, self._stepper.counts))
 
     def advance(self, ticks: int, effort=None, record: Optional[tuple] = None) -> None:
         """
@@ -300,21 +368,38 @@ class Simulation:
         `record`: three C-ordered float64 arrays (ticks, joints) that take position, velocity and acted effort of each
         tick. ValueError: bad count, shape or value, before anything moves. SimulationError: singular or not finite; the
         last good state stays.
+
+        Within some milliseconds a signal's handler runs, where this is the main thread, and interrupt() is heard. What
+        the handler raises, as KeyboardInterrupt after Ctrl-C, or Interrupted comes with the simulation at the last
+        whole tick; going on from there gives the bits of a run that was not interrupted.
         """
-        stopped = self._stepper.advance(self.time, self._tick, ticks, effort, record)
-        if stopped is False:  # not yet what the kernel takes
-            ticks, effort, record = self._checked(ticks, effort, record)
-            stopped = self._stepper.advance(self.time, self._tick, ticks, effort, record)
-            if stopped is False:   # nothing has moved, and nothing may count as done
-                raise ValueError(f'ticks {ticks!r}, effort {effort!r:.80} and record {record!r:.80} do not go together')
-        done, *why = stopped or (ticks,)
-        self._tick += done
-        if done:
-            self._between = None
-        if stopped:
-            self._warn_of_coarse_step()
-            if why[0]:
-                raise self._error(*why)
+        stopped = self._stepper.advance(ticks, effort, record)
+        if stopped is None:
+            return
+        if isinstance(stopped, str):  # an argument that is not yet what the kernel takes
+            stopped = self._stepper.advance(*self._checked(ticks, effort, record))
+        self._tell_stop(stopped)
+
+    def interrupt(self) -> None:
+        """
+        End the advance or advance_to under way in another thread, or else the next one, with Interrupted.
+
+        For any thread, and for signal handlers. The call ends within some milliseconds, at the last whole tick.
+        """
+        self._stepper.interrupt()
+
+    def _tell_stop(self, stopped) -> None:
+        """Raise or warn what made the kernel stop: None, the argument that it refused, or (outcome, joint)."""
+        if stopped is None:
+            return
+        if isinstance(stopped, str):
+            raise ValueError(f'{stopped} cannot be taken')
+        self._warn_of_coarse_step()
+        outcome, joint = stopped
+        if _kernel.OUTCOMES[outcome] == 'interrupted':
+            raise Interrupted(f'{self.chain.name} was interrupted at tick {self.tick}, t = {self.time!r} s')
+        if outcome:
+            raise self._error(outcome, joint)
 
     def _warn_of_coarse_step(self) -> None:
         """Warn once of a fixed step that is far from what two half steps give."""
@@ -323,66 +408,134 @@ class Simulation:
             tick, rate, joint = coarse
             warn(f"step is {self.step!r} s, too long for method '{self.method}': at tick {tick} it is off by about "
                  f"{rate * self.step:.2g} rad or m at joint '{self.chain.joint_names[joint]}' of {self.chain.name}",
-                 RuntimeWarning, stacklevel=3)
+                 RuntimeWarning, stacklevel=4)
 
     def _error(self, outcome: int, joint: int) -> SimulationError:
         return stop_error(self.chain, self.tick, self.time, outcome, joint, self.position, self.velocity)
 
     def _checked(self, ticks, effort, record) -> tuple:
         """Return the arguments of advance as the kernel takes them; ValueError."""
-        if not isinstance(ticks, (int, np.integer)) or isinstance(ticks, bool) or not 0 <= ticks < 2 ** 63:
+        if not isinstance(ticks, (int, np.integer)) or isinstance(ticks, bool) or ticks < 0:
             raise ValueError(f'ticks is {ticks!r}, must be a whole number >= 0')
+        if ticks > MOST_TICKS - self.tick:
+            raise ValueError(f'ticks is {ticks!r}, must be at most {MOST_TICKS - self.tick}: no more can be counted')
         joints = self.chain.joint_count
         if effort is not None:
             effort = joint_array('effort', effort, (joints,) if _is_flat(effort) else (ticks, joints))
-        if record is not None and (not isinstance(record, (tuple, list)) or len(record) != 3
-                                   or not all(isinstance(rows, np.ndarray) for rows in record)):
-            raise ValueError(f'record is {record!r:.80}, must be three arrays, of position, velocity and effort')
-        for rows in record or ():
-            if rows.shape != (ticks, joints) or rows.dtype != np.float64 or not rows.flags.carray:
-                raise ValueError(f'record has an array of {rows.dtype} and shape {rows.shape}, '
-                                 f'must be C-ordered writeable float64 of shape {(ticks, joints)}')
-        return int(ticks), effort, None if record is None else tuple(record)
+        if record is not None:
+            if not isinstance(record, (tuple, list)) or len(record) != 3 or not all(
+                    isinstance(rows, np.ndarray) for rows in record):
+                raise ValueError(f'record is {record!r:.80}, must be three arrays, for position, velocity and effort')
+            for rows in record:
+                if rows.shape != (ticks, joints) or rows.dtype != np.float64 or not rows.flags.carray:
+                    raise ValueError(f'record has an array of {rows.dtype} and shape {rows.shape}, '
+                                     f'must be C-ordered writeable float64 of shape {(ticks, joints)}')
+            record = tuple(record)
+        return int(ticks), effort, record
 
     def advance_to(self, time: float, effort=None) -> None:
         """
         Go on to exactly `time` s under `effort` as in advance; an adaptive method may stop between two ticks.
 
         ValueError: a time that lies back, for a method of fixed step one that is no whole number of steps; effort rows
-        for a time between two ticks. SimulationError as in advance.
+        for a time between two ticks. SimulationError, and signals and interrupt(), as in advance.
         """
+        tick, between = self._place_of(time, 'time')
+        stopped = self._stepper.advance_to(tick, between, effort)
+        if isinstance(stopped, str):
+            effort = self._checked_on_the_way(time, tick, between, effort)
+            stopped = self._stepper.advance_to(tick, between, effort)
+        self._tell_stop(stopped)
+
+    def _place_of(self, time: float, name: str) -> tuple[int, Optional[float]]:
+        """Tick of a time, and the time itself if it is between that tick and the next; ValueError calls it `name`."""
         try:
-            tick, between = whole_ticks(time, self.step, 'time'), False
+            return whole_ticks(time, self.step, name), None
         except ValueError:
-            if not self._row.adaptive or not (isinstance(time, (int, float, np.floating)) and 0.0 <= time < np.inf):
+            number = isinstance(time, (int, float, np.integer, np.floating))
+            if not self._row.adaptive or not number or not 0.0 <= time < MOST_TICKS * self.step:
                 raise
-            tick, between = int(time / self.step), True
-        if time < self.time and (between or tick < self._tick + (self._between is not None)):
-            raise ValueError(f'time is {time!r} s, must not lie before the present {self.time!r} s')
-        if between:
-            effort = joint_array('effort', np.zeros(self.chain.joint_count) if effort is None else effort,
-                                 (self.chain.joint_count,))
-        if tick > self._tick:
-            self.advance(tick - self._tick, effort)
-        if between:
-            stopped = self._stepper.reach(self.time, self._tick, float(time), effort)
-            if stopped:
-                raise self._error(*stopped)
-            self._between = float(time)
+            return int(time / self.step), float(time)
+
+    def _checked_on_the_way(self, time, tick: int, between: Optional[float], effort):
+        """Return the effort of advance_to as the kernel takes it; ValueError: that, or a time that lies back."""
+        now = self.time
+        if (tick, tick * self.step if between is None else between) < (self.tick, now):
+            raise ValueError(f'time is {time!r} s, must not lie before the present {now!r} s')
+        if tick > MOST_TICKS:
+            raise ValueError(f'time is {time!r} s, must be at most {MOST_TICKS * self.step!r} s: '
+                             'no more ticks can be counted')
+        if effort is None:
+            return None
+        joints = self.chain.joint_count
+        return joint_array('effort', effort, (joints,) if between is not None or np.ndim(effort) == 1
+                           else (tick - self.tick, joints))
 
     def checkpoint(self) -> Checkpoint:
         """Everything, hidden round-off terms included: going on from it gives the same bits."""
-        return Checkpoint(self._tick, self._stepper.save(), self._between, self.chain, self.wrenches)
+        self._stepper.wait()
+        with self._changing:
+            tick, between, state = self._stepper.save()
+            return Checkpoint(tick, state, between, self.chain, self.wrenches, self.method, self.step, self.tolerance,
+                              self.form, self._own_bodies, CHECKPOINT_FORMAT)
 
     def restore(self, saved: Checkpoint) -> None:
-        """Go back to a checkpoint of a simulation of the same chain; ValueError if it is of another size."""
-        if saved.state[0].size != self.chain.joint_count:
-            raise ValueError(f'checkpoint has {saved.state[0].size} joints, must have {self.chain.joint_count}')
-        if saved.chain is not None and saved.chain != self.chain:
-            self.replace_chain(saved.chain)
-        self._put_wrenches(saved.wrenches)
-        self._stepper.load(*saved.state)
-        self._tick, self._between = saved.tick, saved.between
+        """
+        Go back, or on, to a checkpoint: time, state, effort, wrenches, payloads and parameters are what they were then.
+
+        A simulation with the same method, step, tolerance and form goes on with the same bits. With others its method
+        starts anew from that time and state, hidden round-off terms included. ValueError, and nothing is changed: a
+        checkpoint of another chain, a damaged one, a time that is no whole number of steps of a fixed-step method.
+        """
+        self._check_settings(saved)
+        bare = self._bare_chain(saved.chain, saved.own_bodies)
+        self._stepper.wait()
+        with self._changing:
+            if not any(same_but_for_quantities(bare, known) for known in self._bare_chains):
+                raise ValueError(f'checkpoint is of the chain {saved.chain.name!r}, must be of {self.chain.name!r}: '
+                                 'they differ in more than payloads, gravity, damping and effort limits')
+            form, _ = self._resolve_form(saved.chain)
+            anew = (saved.method, saved.step, saved.tolerance, saved.form) != (
+                self.method, self.step, self.tolerance, form)
+            tick, between = saved.tick, saved.between
+            if saved.step != self.step or (between is not None and not self._row.adaptive):
+                tick, between = self._place_of(saved.time, 'time of the checkpoint')
+            if saved.chain == self.chain and saved.wrenches == self._wrenches:
+                return self._load(self._stepper, tick, between, saved.state, anew)
+            try:
+                fresh = self._make_stepper(saved.chain, form)
+                fresh.set_wrenches(on_links(saved.chain, saved.wrenches))
+            except (TypeError, ValueError, AttributeError) as error:
+                raise ValueError(f'checkpoint is damaged: its wrenches cannot be ({error})') from None
+            self._load(fresh, tick, between, saved.state, anew)
+            self._go_on_with(saved.chain, saved.wrenches, fresh, True)
+
+    def _check_settings(self, saved: Checkpoint) -> None:
+        """Raise ValueError for what is no checkpoint of this version or says nonsense of itself."""
+        if not isinstance(saved, Checkpoint):
+            raise ValueError(f'checkpoint is {saved!r:.80}, must be what Simulation.checkpoint returned')
+        if saved.format != CHECKPOINT_FORMAT:
+            raise ValueError(f'checkpoint has the format {saved.format!r}, must have {CHECKPOINT_FORMAT}')
+        if not isinstance(saved.chain, Chain) or not isinstance(saved.wrenches, Mapping):
+            raise ValueError('checkpoint is damaged: it lacks its chain or its wrenches')
+        if saved.chain.joint_count != self.chain.joint_count:
+            raise ValueError(f'checkpoint has {saved.chain.joint_count} joints, must have {self.chain.joint_count}')
+        if type(saved.tick) is not int or not 0 <= saved.tick <= MOST_TICKS:
+            raise ValueError(f'checkpoint is damaged: its tick is {saved.tick!r}')
+        if type(saved.step) is not float or not 0.0 < saved.step < np.inf:
+            raise ValueError(f'checkpoint is damaged: its step is {saved.step!r}')
+        if saved.between is not None and not (
+                type(saved.between) is float
+                and saved.tick * saved.step <= saved.between <= (saved.tick + 1) * saved.step):
+            raise ValueError(f'checkpoint is damaged: its time between two ticks is {saved.between!r}')
+        if type(saved.own_bodies) is not int or not 0 < saved.own_bodies <= len(saved.chain.bodies):
+            raise ValueError(f'checkpoint is damaged: its chain has {saved.own_bodies!r} bodies that are no payloads')
+
+    @staticmethod
+    def _load(stepper, tick: int, between: Optional[float], state: tuple, anew: bool = False) -> None:
+        refused = stepper.load(tick, between, state, anew)
+        if refused:
+            raise ValueError(f'checkpoint is damaged: its {refused} cannot be what was saved')
 
 
 @dataclass(frozen=True)
@@ -431,10 +584,12 @@ def _is_flat(values) -> bool:
 def whole_ticks(duration: float, step: float, name: str = 'duration') -> int:
     """`duration` / `step` where that is a whole number >= 0 up to rounding, else ValueError that calls it `name`."""
     if type(duration) is float and isfinite(duration):
-        ticks, spacing = round(duration / step), ulp(duration)
+        ratio, spacing = duration / step, ulp(duration)
     else:   # another kind of number, perhaps of fewer digits, or none
-        number = isinstance(duration, (int, float, np.integer, np.floating)) and np.isfinite(duration)
-        ticks, spacing = (round(duration / step), np.spacing(abs(duration))) if number else (-1, 0.0)
+        number = isinstance(duration, (int, float, np.integer, np.floating)) and abs(duration) < 1e308
+        ratio, spacing = (float(duration) / step, np.spacing(abs(duration))) if number else (-1.0, 0.0)
+    # What overflows in steps is no whole number of them either.
+    ticks = round(ratio) if isfinite(ratio) else -1
     if ticks < 0 or abs(ticks * step - duration) > 1e-9 * step + 4.0 * spacing:
         raise ValueError(f'{name} is {duration!r} s, must be a whole number >= 0 of steps of {step!r} s')
     return ticks

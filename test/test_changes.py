@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 import planar_chain_sim as pcs
-from planar_chain_sim.changes import apply_change, changed_chain, QUANTITIES, to_json
+from planar_chain_sim.changes import apply_change
 from planar_chain_sim.energy_balance import EnergyBalance, ROWS
+from planar_chain_sim.quantities import changed_chain, QUANTITIES, to_json
 from planar_chain_sim.recording import resimulation
 from planar_chain_sim.recording.rollout import OfflineLog
 

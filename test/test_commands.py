@@ -139,3 +139,8 @@ def test_lockstep_takes_the_first_answer_to_the_state_outstanding():
     assert answers.shown == 50
     answers.clear()
     assert answers.missing == {0, 1}
+
+
+def test_a_topic_that_is_none_is_refused():
+    with pytest.raises(TypeError):
+        plain_command(b'', np.zeros(2), 0, None)

@@ -52,9 +52,9 @@ def state_by_given_steps(row, steps, at=TIME):
     length = TIME / steps
     stepper = stepper_of(row, TIME if row.adaptive else length, fixed=length)
     if row.adaptive:
-        stepper.reach(0.0, 0, at, np.zeros(CHAIN.joint_count))
+        stepper.advance_to(0, float(at), np.zeros(CHAIN.joint_count))
     else:
-        stepper.advance(0.0, 0, round(at / length), None, None)
+        stepper.advance(round(at / length), None, None)
     assert abs(stepper.counts[1] - at / length) < 1.0 + 1e-9
     return np.array([stepper.position, stepper.velocity])
 
@@ -91,7 +91,7 @@ def test_ticks_are_as_good_as_the_tolerance_asks(row):
     for tolerance in (1e-4, 1e-7, 1e-10):
         stepper = stepper_of(row, TIME / ticks, tolerance)
         position, velocity, effort = np.empty((3, ticks, CHAIN.joint_count))
-        stepper.advance(0.0, 0, ticks, None, (position, velocity, effort))
+        stepper.advance(ticks, None, (position, velocity, effort))
         errors.append(max(np.abs(position - exact.position[1:]).max(), np.abs(velocity - exact.velocity[1:]).max()))
         counts.append(stepper.counts[1])
         assert errors[-1] < 100 * tolerance, (tolerance, errors)   # a local error, times steps and what the arm adds
@@ -110,7 +110,7 @@ def test_no_evaluation_is_thrown_away(row):
     """
     for tick, dense in ((1e-4, True), (TIME, False)):
         stepper = stepper_of(row, tick)
-        stepper.advance(0.0, 0, round(TIME / tick), None, None)
+        stepper.advance(round(TIME / tick), None, None)
         evaluations, steps, rejected, _ = stepper.counts
         extra = len(row.dense_a) * (steps if dense else 1)
         in_rejected = len(row.b) - 1 + (row is DOPRI5)
@@ -176,7 +176,7 @@ def test_steps_start_anew_where_the_effort_changes(name):
     saved = going.checkpoint()
     going.advance(5, efforts[7])
     anew = pcs.Simulation(CHAIN, name, 5e-3)
-    anew.restore(replace(saved, state=(*saved.state[:5], np.array([0.0] * saved.state[5].size))))
+    anew.restore(replace(saved, state=(*saved.state[:5], anew.checkpoint().state[5])))
     anew.advance(5, efforts[7])
     assert going.position.tobytes() == anew.position.tobytes()
     exact = exact_state(7 * 5e-3, effort=efforts[0])

@@ -140,3 +140,22 @@ def test_a_step_that_is_too_long_is_warned_of_while_it_runs():
     """RK4 at 10 Hz is stable on the double pendulum and ends half a radian off."""
     with simulator(chain_file='double_pendulum.yaml', method='rk4', rate=10.0, real_time_factor=4.0) as process:
         process.wait_for("too long for method 'rk4': at tick ")
+
+
+@pytest.mark.parametrize('number', STOPS)
+def test_a_stop_signal_in_the_midst_of_a_tick_without_end(number, tmp_path):
+    """A tick of 400 joints for a second takes minutes; what was done before it is in the log, and runs again."""
+    links = ''.join(
+        f'  - {{name: l{k}, carrier: {f"l{k - 1}" if k else "base"}, origin: [{0.1 if k else 0.0}, 0.0], mass: 1.0, '
+        f'center_of_mass: [0.05, 0.0], inertia_com: 0.001, rotation: {{joint: j{k}, '
+        f'position: {0.3 if k % 2 else -0.2}, damping: 0.001}}}}\n' for k in range(400))
+    chain, path = tmp_path / 'long.yaml', tmp_path / 'run.mcap'
+    chain.write_text(f'name: long\nbodies:\n{links}')
+    with simulator(chain_file=chain, method='rodas5p', rate=1.0, tolerance=1e-13, record=path) as process:
+        time.sleep(3.0)   # the first tick begins after one
+        began = time.monotonic()
+        assert process.stop(number) == 0, process.output
+        assert time.monotonic() - began < 20.0
+    assert read_log(path).complete
+    code, output = run('planar_chain_sim.recording.resimulation', path)
+    assert code == 0, output

@@ -45,7 +45,7 @@ def test_progress_is_shown_tick_by_tick_in_the_end(tmp_path):
     simulation, shown = pcs.Simulation(pcs.load_chain(ROBOT)), []
     with rollout.OfflineLog(tmp_path / 'run.mcap', simulation) as log:
         rollout.roll_to_log(simulation, 2500, None, log, shown.append)
-    assert shown == [1000, 1000, 500]
+    assert sum(shown) == 2500 and max(shown) <= 1000 and len(shown) > 3
 
 
 def test_efforts_are_the_same_from_a_table_and_an_array_file(tmp_path):

@@ -116,3 +116,34 @@ def test_rollout_shapes():
         (11,), (11, joints), (11, joints), (10, joints))
     copied = copy.deepcopy(chain)
     assert pcs.rollout(copied, 0.01).position.tobytes() == run.position.tobytes()
+
+
+@pytest.mark.parametrize('record', [
+    (), (1, 2), 'abc', 5, [np.empty((10, 2))] * 2, [np.empty((10, 2))] * 4, ([0.0], [0.0], [0.0])])
+def test_a_record_that_is_no_three_arrays_is_refused_and_nothing_moves(record):
+    simulation = pcs.Simulation(uniform_rods(2))
+    with pytest.raises(ValueError, match='must be three arrays, for position, velocity and effort'):
+        simulation.advance(10, None, record=record)
+    assert simulation.tick == 0
+
+
+def test_what_is_taken_after_conversion_moves():
+    simulation, twin = (pcs.Simulation(uniform_rods(2, bend=0.3)) for _ in range(2))
+    rows = [np.empty((10, 2)) for _ in range(3)]
+    raw = np.frombuffer(b'x' + np.ones(2).tobytes(), dtype=np.uint8)[1:]
+    for effort in ([1, 1], np.ones(2, dtype=np.float32), np.ones(4)[::2], raw.view(np.float64)):
+        simulation.advance(np.int64(10), effort, rows)
+        twin.advance(10, np.ones(2))
+        assert simulation.tick == twin.tick and simulation.position.tobytes() == twin.position.tobytes()
+        assert rows[0][-1].tobytes() == twin.position.tobytes()
+
+
+def test_more_ticks_than_can_be_counted_are_refused():
+    simulation = pcs.Simulation(uniform_rods(1))
+    for ticks in (2**53 + 1, 2**63, 10**30):
+        with pytest.raises(ValueError, match='must be at most 9007199254740992: no more can be counted'):
+            simulation.advance(ticks)
+    for time in (1e300, 1e308, 10**400, 1e15):
+        with pytest.raises(ValueError, match='time is '):
+            simulation.advance_to(time)
+    assert simulation.tick == 0

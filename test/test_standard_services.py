@@ -58,15 +58,37 @@ def running():
                     cli_args=['--ros-args', '-p', 'start_paused:=true', '-r', '__ns:=/inner'])
         ending.callback(node.destroy_node)
         started, *_ = start_simulator(node, ending, stop)
-        yield StandardServices(started, lambda: quits.append(True), node.get_fully_qualified_name()), started, quits
+        services = StandardServices(started, lambda: quits.append(True), node.get_fully_qualified_name(), Turn)
+        yield services, started, quits
 
 
-def call(services, name, **values):
+class Turn:
+    """What a coroutine awaits to let others have a turn."""
+
+    def __await__(self):
+        yield
+
+
+def begun(services, name, **values):
     request, response = parts('srv', SERVICES[name])
     for key, value in values.items():
         assert key in request.__slots__
         setattr(request, key, value)
     return services.rows[name][1](request, response)
+
+
+def ended(coroutine):
+    """Give a coroutine all its turns and return its answer."""
+    while True:
+        try:
+            coroutine.send(None)
+        except StopIteration as end:
+            return end.value
+
+
+def call(services, name, **values):
+    answer = begun(services, name, **values)
+    return ended(answer) if name == 'step_simulation' else answer
 
 
 def state_of(value):
@@ -119,6 +141,32 @@ def test_steps_states_and_reset(running):
     assert not quits and call(services, 'set_simulation_state', state=state_of(3)).result.result == 1 and quits
 
 
+@pytest.mark.parametrize('name, values', [
+    ('reset_simulation', {}), ('set_simulation_state', {'state': 1}), ('set_simulation_state', {'state': 0})])
+def test_a_long_step_gives_way_to_who_resets_stops_or_plays(running, name, values):
+    services, simulation, _ = running
+    stepping = begun(services, 'step_simulation', steps=10**9)
+    stepping.send(None)
+    stepping.send(None)
+    assert simulation.tick > 1
+    assert call(services, 'get_simulation_state').state.state == 2
+    values = {key: state_of(value) for key, value in values.items()}
+    assert call(services, name, **values).result.result == 1
+    answer = ended(stepping).result
+    assert answer.result == 4
+    assert 'came between' in answer.error_message or 'is running' in answer.error_message
+    assert '1000000000 steps done' in answer.error_message
+
+
+def test_a_long_step_gives_way_to_the_end_of_the_process(running):
+    services, simulation, _ = running
+    stepping = begun(services, 'step_simulation', steps=10**9)
+    stepping.send(None)
+    simulation.halt()
+    answer = ended(stepping).result
+    assert answer.result == 4 and answer.error_message.startswith('the simulation is ending (')
+
+
 def test_over_dds_with_the_package_itself(tmp_path):
     """Every service and the action, with feedback and cancelled, by a client in this process."""
     srv = pytest.importorskip('simulation_interfaces.srv')
@@ -144,6 +192,12 @@ def test_over_dds_with_the_package_itself(tmp_path):
                                                 feedback_callback=lambda told: feedback.append(told.feedback)))
         assert peer.ask(goal.get_result_async()).result.result.result == 1
         assert [f.completed_steps + f.remaining_steps for f in feedback] == [350] * len(feedback) and feedback
+        long_step = clients['step_simulation'].srv_type.Request()
+        long_step.steps = 10**9
+        stepping = clients['step_simulation'].call_async(long_step)
+        time.sleep(0.1)
+        assert ask('get_simulation_state').state.state == 2 and peer.call('reset')[0]
+        assert 'came between' in peer.ask(stepping).result.error_message
         goal = peer.ask(stepper.send_goal_async(SimulateSteps.Goal(steps=10**9)))
         time.sleep(0.1)
         peer.ask(goal.cancel_goal_async())

@@ -34,7 +34,7 @@ def test_unrolled_series_is_the_twin_of_the_recursive_one(chain):
     states = []
     for dense in (True, False):
         made = stepper(chain, 16, dense=dense, tick=0.02)
-        assert made.advance(0.0, 0, 10, effort, None) is None
+        assert made.advance(10, effort, None) is None
         states.append(np.concatenate([made.position, made.velocity]))
     scale = np.abs(states[1]).max() + 1.0
     # 0.2 s of a motion that is not chaotic in that time: round-off grows by the conditioning of H alone
@@ -48,11 +48,11 @@ def test_measured_order(order, steps, dense):
     """Error after fixed steps, as coarse as round-off asks for, falls with the order of the series; within 0.2."""
     chain = random_tree(3, bodies=4)
     exact = stepper(chain, 24, 1e-17, tick=0.5)
-    exact.advance(0.0, 0, 1, None, None)
+    exact.advance(1, None, None)
     errors = []
     for count in (steps, 2 * steps):
         made = stepper(chain, order, fixed=0.5 / count, dense=dense, tick=0.5)
-        made.advance(0.0, 0, 1, None, None)
+        made.advance(1, None, None)
         errors.append(np.abs(np.concatenate([made.velocity - exact.velocity, made.position - exact.position])).max())
     assert abs(np.log2(errors[0] / errors[1]) - order) < 0.2, errors
 

@@ -46,7 +46,9 @@ int main() {
     forces.springs.push_back({joint, stiffness, number()});
   }
   pc::MethodData method;
-  for (method.family = word(); method.family.back() == '-'; method.family += word()) {}
+  std::string family = word();
+  while (family.back() == '-') family.back() = ' ', family += word();
+  if (!pc::find_family(family, method.family)) std::exit(2);
   method.order = integer(), method.adaptive = integer() != 0, method.tolerance = number();
   method.tableau.stages = integer();
   for (auto* part : {&method.tableau.a, &method.tableau.b, &method.tableau.error, &method.tableau.dense_a,

@@ -35,7 +35,7 @@ EXPORTED void* make(const int* topology, const double* numbers, int links, const
   }
   chain.find_features();
   pc::MethodData rk4;
-  rk4.family = "explicit Runge-Kutta", rk4.order = 4;
+  rk4.family = pc::Family::explicit_runge_kutta, rk4.order = 4;
   rk4.tableau.stages = 4;
   rk4.tableau.a = {0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0};
   rk4.tableau.b = {1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0};

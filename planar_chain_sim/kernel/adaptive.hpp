@@ -42,94 +42,107 @@ class AdaptiveStep : public Motion {
  public:
   AdaptiveStep(const JointForces& forces, const Chain& chain, double tick_length)
       : forces_(forces), most_(chain.joint_count, std::numeric_limits<double>::infinity()), tick_length_(tick_length),
-        running_(chain.joint_count), base_(chain.joint_count), next_(chain.joint_count) {
+        steps_(chain.joint_count), kept_(chain.joint_count), next_(chain.joint_count) {
     for (int i = 1; i <= chain.link_count(); ++i)
       if (chain.links[i].turns()) most_[chain.links[i].rotation] = far_angle;
   }
 
   Progress advance(double now, std::int64_t tick, std::int64_t ticks, JointState& state,
                    const double* actuator) override {
-    prepare(now, tick, state, actuator);
     Progress progress;
-    while (progress.ticks < ticks) {
-      std::int64_t covered = progress.ticks + 1;
-      if (covers(since_origin(tick + covered))) {
-        covered = last_covered(tick, ticks);
-        progress.outcome = open(base_, progress.joint);
-        if (progress.outcome != Outcome::good) break;
-        read_at(since_origin(tick + covered), next_);
-        std::swap(state, next_);
-        progress.ticks = covered;
+    if (stopped(joints())) progress.outcome = Outcome::interrupted;
+    else prepare(now, tick, state, actuator);
+    while (progress.outcome == Outcome::good && progress.ticks < ticks) {
+      if (!covers(since_origin(tick + progress.ticks + 1))) {
+        progress.outcome = extend(progress.joint);
         continue;
       }
-      progress.outcome = extend(progress.joint);
+      progress.outcome = open(steps_.base, progress.joint);
       if (progress.outcome != Outcome::good) break;
+      progress.ticks = last_covered(tick, ticks);
+      read_at(since_origin(tick + progress.ticks), next_);
+      std::swap(state, next_);
+      keeping_ = false;
     }
+    if (progress.outcome != Outcome::good) go_back();
     return progress;
   }
 
   bool reach(double now, std::int64_t tick, double time, JointState& state, const double* actuator,
              Progress& progress) override {
     prepare(now, tick, state, actuator);
-    const double wanted = time - origin_ * tick_length_ - origin_offset_;
-    while (progress.outcome == Outcome::good && !covers(wanted)) progress.outcome = extend(progress.joint);
-    if (progress.outcome == Outcome::good) progress.outcome = open(base_, progress.joint);
-    if (progress.outcome != Outcome::good) return true;
+    const double wanted = since_origin_at(time);
+    while (progress.outcome == Outcome::good && (steps_.length == 0.0 || !covers(wanted)))
+      progress.outcome = extend(progress.joint);
+    if (progress.outcome == Outcome::good) progress.outcome = open(steps_.base, progress.joint);
+    if (progress.outcome != Outcome::good) return go_back(), true;
     read_at(wanted, next_);
     std::swap(state, next_);
+    keeping_ = false;
     return true;
   }
 
   double look(std::int64_t tick, double offset, double /*limit*/, const JointState& state, const double* actuator,
               bool passed, Progress& progress) override {
     prepare(static_cast<double>(tick) * tick_length_ + offset, tick, state, actuator);
-    if (length_ == 0.0) origin_offset_ = offset;   // not what is left of it in the sum
+    if (steps_.length == 0.0) steps_.origin_offset = offset;   // not what is left of it in the sum
     shown_from_ = since_origin(tick);
-    if (length_ == 0.0 || passed || into_step(offset) >= length_) {
+    if (steps_.length == 0.0 || passed || into_step(offset) >= steps_.length) {
       progress.outcome = extend(progress.joint);
       if (progress.outcome != Outcome::good) return 0.0;
       ++number;
     }
-    progress.outcome = open(base_, progress.joint);
-    return length_;
+    progress.outcome = open(steps_.base, progress.joint);
+    return steps_.length;
   }
 
-  double into_step(double offset) const override { return ((shown_from_ + offset) - from_) - from_low_; }
-  double behind_tick(double into) const override { return (from_ + into) - shown_from_; }
+  double into_step(double offset) const override {
+    return ((shown_from_ + offset) - steps_.from) - steps_.from_low;
+  }
+  double behind_tick(double into) const override { return (steps_.from + into) - shown_from_; }
 
   Outcome show(double into, JointState& out, int&) override {
-    read_from_rest(into, base_, out);
+    read_from_rest(into, steps_.base, out);
     return Outcome::good;
   }
 
   bool reads_densely() const override { return true; }
 
-  void forget() override { under_way_ = false; }
+  void forget() override { steps_.under_way = keeping_ = false; }
 
-  std::vector<double> save() const override {
-    std::vector<double> all = {
-        under_way_ ? 1.0 : 0.0, static_cast<double>(origin_), origin_offset_, from_, from_low_, length_, proposal_};
-    for (const auto* part : {&base_.position, &base_.velocity, &base_.position_remainder, &base_.velocity_remainder,
-                             &running_})
+  void save(std::vector<double>& all) const override {
+    all.push_back(static_cast<double>(Kept::adaptive)), all.push_back(steps_.under_way ? 1.0 : 0.0);
+    if (!steps_.under_way) return;
+    for (const double number : {static_cast<double>(steps_.origin), steps_.origin_offset, steps_.from, steps_.from_low,
+                                steps_.length, steps_.proposal})
+      all.push_back(number);
+    const JointState& base = steps_.base;
+    for (const auto* part : {&base.position, &base.velocity, &base.position_remainder, &base.velocity_remainder,
+                             &steps_.running})
       all.insert(all.end(), part->begin(), part->end());
-    return all;
   }
 
-  void load(const std::vector<double>& all) override {
-    under_way_ = all[0] != 0.0, origin_ = static_cast<std::int64_t>(all[1]), origin_offset_ = all[2];
-    from_ = all[3], from_low_ = all[4], length_ = all[5], proposal_ = all[6];
-    ++number;
-    const double* at = all.data() + 7;
-    for (auto* part : {&base_.position, &base_.velocity, &base_.position_remainder, &base_.velocity_remainder,
-                       &running_})
-      for (double& value : *part) value = *at++;
-    int joint;
-    if (under_way_ && length_ > 0.0) {
-      const Counts kept = counts;
-      const double length = length_, proposal = proposal_;
-      expand(base_, running_.data(), length_, proposal_, joint, true);
-      length_ = length, proposal_ = proposal, counts = kept;
-    }
+  bool load(KeptNumbers& kept, std::int64_t tick, double now, const JointState* state) override {
+    forget();
+    bool under_way = false;
+    constexpr double most = static_cast<double>(most_ticks);
+    if (!kept.is(Kept::adaptive) || !kept.whole(under_way, 0, 1)) return false;
+    if (!under_way) return kept.left() == 0;
+    if (!kept.whole(steps_.origin, -most, most) || !kept.at_least_zero(steps_.origin_offset) ||
+        !kept.at_least_zero(steps_.from) || !kept.number(steps_.from_low) || !kept.at_least_zero(steps_.length) ||
+        !kept.number(steps_.proposal) || steps_.length == 0.0 ||
+        steps_.from + steps_.from_low != steps_.from || kept.left() != 5 * steps_.running.size())
+      return false;
+    JointState& base = steps_.base;
+    for (auto* part : {&base.position, &base.velocity, &base.position_remainder, &base.velocity_remainder,
+                       &steps_.running})
+      if (!kept.numbers(*part)) return false;
+    steps_.under_way = true, ++number;
+    const Counts counted = counts;
+    bool good = resume() && covers_present(tick, now);
+    if (good && state != nullptr) good = kept.cut ? leads_near(tick, now, *state) : leads_to(tick, now, *state);
+    counts = counted;
+    return good;
   }
 
  protected:
@@ -156,62 +169,141 @@ class AdaptiveStep : public Motion {
   const JointForces& forces_;
 
  private:
+  // Steps that go on under one effort, up to the present one.
+  struct Steps {
+    std::vector<double> running;   // the effort
+    JointState base;               // the state at `from`
+    std::int64_t origin = 0;       // tick at or behind which they began
+    double origin_offset = 0.0;    // s, how far behind
+    double from = 0.0, from_low = 0.0, length = 0.0;  // s from there, where the present step starts; its length
+    double proposal = 0.0;         // s, length of the next
+    bool under_way = false;
+
+    explicit Steps(int joints) : running(joints), base(joints) {}
+  };
+
+  int joints() const { return static_cast<int>(steps_.running.size()); }
+
   void prepare(double now, std::int64_t tick, const JointState& state, const double* actuator) {
-    if (under_way_ && std::memcmp(running_.data(), actuator, running_.size() * sizeof(double)) == 0) return;
-    std::memcpy(running_.data(), actuator, running_.size() * sizeof(double));
-    base_ = state;
-    origin_ = tick, origin_offset_ = now - static_cast<double>(tick) * tick_length_;
-    from_ = from_low_ = length_ = proposal_ = 0.0;
-    under_way_ = true;
+    if (steps_.under_way && std::memcmp(steps_.running.data(), actuator, joints() * sizeof(double)) == 0) return;
+    if (!keeping_) std::swap(steps_, kept_), keeping_ = true;
+    std::memcpy(steps_.running.data(), actuator, joints() * sizeof(double));
+    steps_.base = state;
+    steps_.origin = tick, steps_.origin_offset = now - static_cast<double>(tick) * tick_length_;
+    steps_.from = steps_.from_low = steps_.length = steps_.proposal = 0.0;
+    steps_.under_way = true;
+  }
+
+  // Keeps the steps that have led to the present state, but for `base`, which the caller is about to replace.
+  void keep() {
+    if (keeping_) return;
+    kept_.running = steps_.running;
+    std::swap(kept_.base, steps_.base);
+    kept_.origin = steps_.origin, kept_.origin_offset = steps_.origin_offset, kept_.from = steps_.from;
+    kept_.from_low = steps_.from_low, kept_.length = steps_.length, kept_.proposal = steps_.proposal;
+    kept_.under_way = steps_.under_way, keeping_ = true;
+  }
+
+  // Back to the steps that have led to the present state.
+  void go_back() {
+    if (!keeping_) return;
+    std::swap(steps_, kept_), keeping_ = false;
+    if (steps_.under_way && steps_.length > 0.0) resume();
+  }
+
+  // The present step once more; false if it cannot be made.
+  bool resume() {
+    const Counts counted = counts;
+    double length = steps_.length, proposal = steps_.proposal;
+    int joint;
+    const bool good = expand(steps_.base, steps_.running.data(), length, proposal, joint, true) == Outcome::good;
+    counts = counted;
+    return good;
+  }
+
+  // Whether these steps give that state then, bit for bit.
+  bool leads_to(std::int64_t tick, double now, const JointState& state) {
+    const bool whole = now == static_cast<double>(tick) * tick_length_;
+    const double time = whole ? since_origin(tick) : since_origin_at(now);
+    int joint;
+    if (!covers(time) || open(steps_.base, joint) != Outcome::good) return false;
+    read_at(time, next_);
+    const auto same = [](const std::vector<double>& some, const std::vector<double>& others) {
+      return std::memcmp(some.data(), others.data(), some.size() * sizeof(double)) == 0;
+    };
+    return same(next_.position, state.position) && same(next_.velocity, state.velocity) &&
+           same(next_.position_remainder, state.position_remainder) &&
+           same(next_.velocity_remainder, state.velocity_remainder);
+  }
+
+  // Whether these steps give about that state then.
+  bool leads_near(std::int64_t tick, double now, const JointState& state) {
+    int joint;
+    if (open(steps_.base, joint) != Outcome::good) return false;
+    shown_from_ = since_origin(tick);
+    read_from_rest(into_step(now - static_cast<double>(tick) * tick_length_), steps_.base, next_);
+    const auto near = [](double one, double other) { return std::fabs(one - other) <= 1e-9 * (1.0 + std::fabs(other)); };
+    for (int i = 0; i < joints(); ++i)
+      if (!near(next_.position[i], state.position[i]) || !near(next_.velocity[i], state.velocity[i])) return false;
+    return true;
+  }
+
+  // Whether that time is in the present step, up to rounding, and the step is not lost in rounding.
+  bool covers_present(std::int64_t tick, double now) const {
+    const double time = since_origin(tick) + (now - static_cast<double>(tick) * tick_length_);
+    const double slack = 16.0 * std::numeric_limits<double>::epsilon() *
+                         (std::fabs(time) + tick_length_ + steps_.origin_offset);
+    return time >= steps_.from - slack && time <= steps_.from + steps_.length + slack && 1e4 * steps_.length >= slack;
   }
 
   // Times are counted from where steps began, in whole ticks: a motion does not depend on when it happens.
   double since_origin(std::int64_t tick) const {
-    return static_cast<double>(tick - origin_) * tick_length_ - origin_offset_;
+    return static_cast<double>(tick - steps_.origin) * tick_length_ - steps_.origin_offset;
   }
+  double since_origin_at(double time) const { return time - steps_.origin * tick_length_ - steps_.origin_offset; }
 
-  bool covers(double time) const { return time <= from_ + length_; }
+  bool covers(double time) const { return time <= steps_.from + steps_.length; }
 
   // Largest k <= ticks with tick + k covered.
   std::int64_t last_covered(std::int64_t tick, std::int64_t ticks) const {
     if (covers(since_origin(tick + ticks))) return ticks;
-    std::int64_t k = static_cast<std::int64_t>((origin_offset_ + from_ + length_) / tick_length_) + origin_ - tick + 1;
+    const double reached = (steps_.origin_offset + steps_.from + steps_.length) / tick_length_;
+    std::int64_t k = static_cast<std::int64_t>(reached) + steps_.origin - tick + 1;
     while (!covers(since_origin(tick + k))) --k;
     return k;
   }
 
-  void read_at(double time, JointState& out) const { read((time - from_) - from_low_, base_, out); }
+  void read_at(double time, JointState& out) const { read((time - steps_.from) - steps_.from_low, steps_.base, out); }
 
   // Goes on by one more step.
   Outcome extend(int& joint) {
-    if (length_ > 0.0) {
-      read(length_, base_, next_);
+    if (stopped(64 * joints())) return Outcome::interrupted;
+    if (steps_.length > 0.0) {
+      read(steps_.length, steps_.base, next_);
       joint = first_not_finite(next_);
       if (joint >= 0) return Outcome::not_finite;
-      std::swap(base_, next_);
+      keep();
+      std::swap(steps_.base, next_);
       double sum, lost;
-      add_compensated(from_, from_low_, length_, sum, lost);
-      from_ = sum, from_low_ = lost;
+      add_compensated(steps_.from, steps_.from_low, steps_.length, sum, lost);
+      steps_.from = sum, steps_.from_low = lost;
     }
-    double length = proposal_;
-    const Outcome outcome = expand(base_, running_.data(), length, proposal_, joint, false);
-    length_ = 0.0;
+    double length = steps_.proposal;
+    const Outcome outcome = expand(steps_.base, steps_.running.data(), length, steps_.proposal, joint, false);
+    steps_.length = 0.0;
     if (outcome != Outcome::good) return outcome;
-    if (!(from_ + length > from_)) return joint = 0, Outcome::stalled;
-    length_ = length;
+    if (!(steps_.from + length > steps_.from)) return joint = 0, Outcome::stalled;
+    steps_.length = length;
     ++counts.steps;
     return Outcome::good;
   }
 
   std::vector<double> most_;
   const double tick_length_;
-  std::vector<double> running_;  // the effort of the steps under way
-  JointState base_, next_;       // the state at from_
-  std::int64_t origin_ = 0;      // tick at or behind which steps began
-  double origin_offset_ = 0.0;   // s, how far behind
-  double from_ = 0.0, from_low_ = 0.0, length_ = 0.0;  // s from there, where the present step starts; its length
-  double proposal_ = 0.0, shown_from_ = 0.0;
-  bool under_way_ = false;
+  Steps steps_, kept_;      // those under way; those that led to the last whole tick, where `keeping_`
+  bool keeping_ = false;
+  JointState next_;
+  double shown_from_ = 0.0;
 };
 
 }  // namespace planar_chain

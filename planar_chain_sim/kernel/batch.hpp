@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <atomic>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -33,6 +34,7 @@ struct Batch {
   LaneMethod method = LaneMethod::none;
   Tableau tableau;  // Runge-Kutta
   std::function<SingleRun(std::size_t)> single_run;  // of one of `scenes`
+  mutable std::atomic<bool> stop{false};             // ends all threads
 
   // Results: states at all ticks (count, ticks + 1, joints) and efforts (count, ticks, joints), or, where effort_taken
   // is null, the last states alone (count, joints). After a failure the last good state is repeated, at no effort.
@@ -63,9 +65,11 @@ struct Batch {
 class ScenesAlone {
  public:
   explicit ScenesAlone(const Batch& batch)
-      : batch_(batch), state_(batch.joints), effort_(batch.joints), latched_(batch.joints) {}
+      : batch_(batch), state_(batch.joints), effort_(batch.joints), latched_(batch.joints),
+        lookout_(std::make_unique<Lookout>(batch.stop)) {}
 
   JointState& state() { return state_; }
+  Lookout& lookout() { return *lookout_; }
 
   void run(std::int64_t i) {
     const std::size_t from = static_cast<std::size_t>(i) * effort_.size();
@@ -80,6 +84,7 @@ class ScenesAlone {
   void finish(std::int64_t i, std::int64_t tick) {
     const Scene& scene = batch_.scene(i);
     if (chain_ != scene.chain) alone_ = batch_.single_run(batch_.kind(i)), chain_ = scene.chain;
+    alone_.integrator->look_out(lookout_.get());
     alone_.integrator->forget();
     const bool all = batch_.effort_taken != nullptr;
     Record record;
@@ -111,6 +116,7 @@ class ScenesAlone {
   SingleRun alone_;
   JointState state_;
   std::vector<double> effort_, latched_;
+  std::unique_ptr<Lookout> lookout_;
 };
 
 }  // namespace planar_chain

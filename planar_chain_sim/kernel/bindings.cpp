@@ -39,16 +39,18 @@ PYBIND11_MODULE(_kernel, module) {
 
   py::class_<Model>(module, "Model")
       .def(py::init<const Ints&, const Array&, std::tuple<double, double>, int>())
-      .def("add_damper", [](Model& m, int joint, double damping) { m.forces.dampers.push_back({joint, damping}); })
+      .def("add_damper", [](Model& m, int joint, double damping) {
+        m.forces.dampers.push_back({m.joint(joint), damping});
+      })
       .def("add_spring", [](Model& m, int joint, double stiffness, double rest) {
-        m.forces.springs.push_back({joint, stiffness, rest});
+        m.forces.springs.push_back({m.joint(joint), stiffness, rest});
       })
       .def("add_friction", [](Model& m, int joint, double friction) {
-        m.forces.frictions.push_back({joint, friction});
+        m.forces.frictions.push_back({m.joint(joint), friction});
       })
-      .def("add_limit", [](Model& m, int joint, double limit) { m.forces.limits.push_back({joint, limit}); })
+      .def("add_limit", [](Model& m, int joint, double limit) { m.forces.limits.push_back({m.joint(joint), limit}); })
       .def("add_stop", [](Model& m, int joint, double lower, double upper, double restitution) {
-        m.forces.stops.push_back({joint, lower, upper, restitution});
+        m.forces.stops.push_back({m.joint(joint), lower, upper, restitution});
       })
       .def("forward_dynamics", &Model::forward_dynamics, py::arg("position"), py::arg("velocity"), py::arg("effort"),
            py::arg("dense") = false)
@@ -78,25 +80,35 @@ PYBIND11_MODULE(_kernel, module) {
   py::class_<pc::MethodData>(module, "MethodData")
       .def(py::init([](std::string family, int order, bool adaptive, double tolerance, double fixed,
                        const pc::Tableau& tableau) {
-        return pc::MethodData{family, order, adaptive, tableau, tolerance, fixed};
+        pc::MethodData data{pc::Family::taylor, order, adaptive, tableau, tolerance, fixed};
+        if (!pc::find_family(family, data.family)) throw py::value_error("family '" + family + "' is none of FAMILIES");
+        return data;
       }), py::arg("family"), py::arg("order"), py::arg("adaptive"), py::arg("tolerance"), py::arg("fixed") = 0.0,
            py::arg("tableau") = pc::Tableau());
 
   py::class_<Stepper>(module, "Stepper")
-      .def(py::init<const Model&, const pc::MethodData&, double, bool>(), py::keep_alive<1, 2>())
+      .def(py::init([](const py::object& model, const pc::MethodData& method, double step, bool dense) {
+        if (!py::isinstance<Model>(model)) throw py::type_error("the kernel got no Model");
+        return std::make_unique<Stepper>(model, method, step, dense);
+      }))
       .def("advance", &Stepper::advance)
-      .def("reach", &Stepper::reach)
+      .def("advance_to", &Stepper::advance_to)
+      .def("interrupt", &Stepper::interrupt)
+      .def("wait", &Stepper::await)
       .def("put_state", &Stepper::put_state)
       .def("set_wrenches", &Stepper::set_wrenches)
       .def("wrench_effort", &Stepper::wrench_effort)
-      .def("take_over", &Stepper::take_over)
+      .def("adopt", &Stepper::adopt)
       .def("take_coarse_step", &Stepper::take_coarse_step)
       .def("save", &Stepper::save)
       .def("load", &Stepper::load)
+      .def_property_readonly("tick", &Stepper::tick)
+      .def_property_readonly("time", &Stepper::now)
       .def_property_readonly("position", &Stepper::position)
       .def_property_readonly("velocity", &Stepper::velocity)
       .def_property_readonly("effort", &Stepper::effort)
       .def_property_readonly("counts", &Stepper::counts)
+      .def_property("told", &Stepper::told, &Stepper::set_told)
       .def("acceleration", &Stepper::acceleration)
       .def("take_events", &Stepper::take_events);
 
@@ -107,6 +119,15 @@ PYBIND11_MODULE(_kernel, module) {
       .def("take", &LogChunk::take)
       .def_property_readonly("size", &LogChunk::size)
       .def_readonly("messages", &LogChunk::messages);
+
+  py::list family_names;
+  for (const auto& [name, family] : pc::families()) family_names.append(name);
+  module.attr("FAMILIES") = py::tuple(family_names);
+  module.attr("UNROLLED_SERIES") = pc::most_unrolled_series;
+  // In the order of their enums.
+  module.attr("OUTCOMES") =
+      py::make_tuple("good", "singular", "not_finite", "stalled", "too_long", "coarse", "endless_events", "interrupted");
+  module.attr("EVENT_KINDS") = py::make_tuple("stop_touched", "stop_left", "stuck", "slipped");
 
   module.def("roll_batch", &roll_batch);
   module.def("json_list", &json_list);

@@ -53,7 +53,8 @@ class EventDriven final : public Integrator {
     Progress progress;
     double offset = now - static_cast<double>(tick) * step_;
     for (; progress.ticks < ticks; ++progress.ticks, offset = 0.0)
-      if (!go(tick + progress.ticks, offset, step_, state, actuator, progress)) break;
+      if (stopped(joints_)) return progress.outcome = Outcome::interrupted, progress;
+      else if (!go(tick + progress.ticks, offset, step_, state, actuator, progress)) break;
     return progress;
   }
 
@@ -65,6 +66,11 @@ class EventDriven final : public Integrator {
     return true;
   }
 
+  void look_out(Lookout* lookout) override {
+    lookout_ = lookout;
+    if (motion_) motion_->look_out(lookout);
+  }
+
   void forget() override { under_way_ = changed_ = false; }
 
   void forces_changed() override { changed_ = under_way_; }
@@ -73,38 +79,47 @@ class EventDriven final : public Integrator {
   void adopt(const EventDriven& other) {
     holding_.standing = other.holding_.standing, holding_.sign = other.holding_.sign;
     holding_.places = other.holding_.places, held_ = other.held_;
+    standing_at_ = other.standing_at_;
     under_way_ = changed_ = other.under_way_;
   }
 
-  // Whether anything goes on; then the actuators' efforts, of each joint whether it stands, which way it slides and by
-  // how much lambda may exceed its bounds, and the motion's own.
-  std::vector<double> save() const override {
-    std::vector<double> all = {!under_way_ ? 0.0 : changed_ ? 2.0 : 1.0};
-    if (!under_way_) return all;
+  // Whether anything goes on; then the actuators' efforts, of each joint whether it stands, which way it slides, by how
+  // much lambda may exceed its bounds and where it stands, and the motion's own.
+  void save(std::vector<double>& all) const override {
+    all.push_back(static_cast<double>(Kept::events)), all.push_back(!under_way_ ? 0.0 : changed_ ? 2.0 : 1.0);
+    if (!under_way_) return;
     all.insert(all.end(), held_.begin(), held_.end());
     for (int j = 0; j < joints_; ++j) all.push_back(holding_.standing[j] ? 1.0 : 0.0), all.push_back(holding_.sign[j]);
-    all.insert(all.end(), excess_.begin(), excess_.end());
-    for (const auto* part : {&standing_at_.position, &standing_at_.position_remainder})
+    for (const auto* part : {&excess_, &standing_at_.position, &standing_at_.position_remainder})
       all.insert(all.end(), part->begin(), part->end());
-    if (changed_ || !motion_) return all;
-    const std::vector<double> ahead = motion_->save();
-    all.insert(all.end(), ahead.begin(), ahead.end());
-    return all;
+    if (motion_ && !changed_) motion_->save(all);
   }
 
-  void load(const std::vector<double>& all) override {
-    under_way_ = all[0] != 0.0, changed_ = all[0] == 2.0;
-    if (!under_way_) return;
-    const double* at = all.data() + 1;
-    for (double& value : held_) value = *at++;
-    for (int j = 0; j < joints_; ++j) holding_.standing[j] = *at++ != 0.0, holding_.sign[j] = *at++;
+  bool load(KeptNumbers& kept, std::int64_t tick, double now, const JointState* state) override {
+    int status;
+    if (!kept.is(Kept::events) || !kept.whole(status, 0, 2)) return false;
+    under_way_ = status != 0, changed_ = status == 2;
+    if (!under_way_) return kept.left() == 0;
+    if (!kept.numbers(held_)) return false;
+    for (int j = 0; j < joints_; ++j) {
+      bool stands;
+      if (!kept.whole(stands, 0, 1) || !kept.whole(holding_.sign[j], -1, 1)) return false;
+      holding_.standing[j] = stands;
+    }
     for (auto* part : {&excess_, &standing_at_.position, &standing_at_.position_remainder})
-      part->assign(at, at + joints_), at += joints_;
+      if (!kept.numbers(*part)) return false;
+    for (int j = 0; j < joints_; ++j)
+      if (excess_[j] < 0.0 || (state != nullptr && holding_.standing[j] &&
+                               (state->position[j] != standing_at_.position[j] || state->velocity[j] != 0.0)))
+        return false;
     holding_.places = standing_at_.position;
-    if (changed_) return;
+    if (changed_) return kept.left() == 0;
     make_part();
     make_motion();
-    if (motion_) motion_->load(std::vector<double>(at, all.data() + all.size()));
+    if (!motion_) return kept.left() == 0;
+    if (state != nullptr) part_.gather(*state, moved_);
+    kept.cut = true;
+    return motion_->load(kept, tick, now, state != nullptr ? &moved_ : nullptr);
   }
 
   // Accelerations at a state under the actuators that acted last, of joints that stand zero; -1, or the joint whose pivot
@@ -138,9 +153,15 @@ class EventDriven final : public Integrator {
 
   // From `from` to `to` s behind `tick`; false, with the state as it was, where it fails.
   bool go(std::int64_t tick, double from, double to, JointState& state, const double* actuator, Progress& progress) {
-    kept_ = state;
+    kept_ = state, saved_.clear(), save(saved_);
+    const std::int64_t events_before = counts.events;
     if (begin(tick, from, state, actuator, progress) && run(tick, from, to, state, progress)) return true;
     state = kept_, under_way_ = changed_ = false;
+    if (progress.outcome != Outcome::interrupted) return false;
+    for (std::int64_t k = counts.events - events_before; k > 0 && !events.empty(); --k) events.pop_back();
+    before_.events -= counts.events - events_before, counts.events = events_before;
+    KeptNumbers saved(saved_.data(), saved_.data() + saved_.size());
+    if (!load(saved, tick, static_cast<double>(tick) * step_ + from, nullptr)) under_way_ = false;
     return false;
   }
 
@@ -459,7 +480,7 @@ class EventDriven final : public Integrator {
                                  built_at_.position_remainder[j] == standing_at_.position_remainder[j]));
     if (!same) {
       drop_motion();
-      part_.build(holding_.standing, standing_at_, method_.family == "taylor", dense_);
+      part_.build(holding_.standing, standing_at_, method_.family == Family::taylor, dense_);
       built_ = true, built_for_ = holding_.standing, built_at_ = standing_at_;
       for (JointState* moved : {&moved_, &later_, &located_}) *moved = JointState(part_.moving());
     }
@@ -496,6 +517,7 @@ class EventDriven final : public Integrator {
     values_.resize(watches_.size());
     if (motion_) motion_->forget();
     else motion_ = planar_chain::make_motion(method_, part_.chain(), part_.form(), part_.forces(), step_, part_.dense());
+    motion_->look_out(lookout_);
   }
 
   void note(const JointEvent& event) {
@@ -534,6 +556,7 @@ class EventDriven final : public Integrator {
   bool built_ = false;
   std::vector<bool> built_for_;                               // what stood where the moving part was made
   JointState built_at_{0};
+  std::vector<double> saved_;                                 // what save() says before a tick
 };
 
 inline std::unique_ptr<Integrator> make_integrator(const MethodData& method, const Chain& chain, Form& form,

@@ -35,17 +35,21 @@ class Gauss final : public FixedStep {
   void forget() override { known_ = 0; }
 
   // The last steps' stages, from which the next one's iteration starts.
-  std::vector<double> save() const override {
-    std::vector<double> all = {static_cast<double>(known_)};
+  void save(std::vector<double>& all) const override {
+    all.push_back(static_cast<double>(Kept::gauss)), all.push_back(known_);
+    if (known_ == 0) return;
     all.insert(all.end(), held_.begin(), held_.end());
-    all.insert(all.end(), past_.begin(), past_.end());
-    return all;
+    all.insert(all.end(), past_.begin(), past_.begin() + known_ * static_cast<std::ptrdiff_t>(accelerations_.size()));
   }
 
-  void load(const std::vector<double>& all) override {
-    known_ = static_cast<int>(all[0]);
-    std::memcpy(held_.data(), all.data() + 1, held_.size() * sizeof(double));
-    std::memcpy(past_.data(), all.data() + 1 + held_.size(), past_.size() * sizeof(double));
+  bool load(KeptNumbers& kept, std::int64_t, double, const JointState*) override {
+    if (!kept.is(Kept::gauss) || !kept.whole(known_, 0, most_past)) return false;
+    if (known_ == 0) return kept.left() == 0;
+    const std::size_t stages = static_cast<std::size_t>(known_) * accelerations_.size();
+    if (kept.left() != held_.size() + stages || !kept.numbers(held_)) return false;
+    for (std::size_t i = 0; i < stages; ++i)
+      if (!kept.number(past_[i])) return false;
+    return true;
   }
 
  protected:

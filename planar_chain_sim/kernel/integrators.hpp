@@ -8,6 +8,7 @@
 
 #include "form.hpp"
 #include "joint_forces.hpp"
+#include "stop.hpp"
 
 namespace planar_chain {
 
@@ -27,7 +28,7 @@ inline void add_compensated(const Real& value, const Real& remainder, const Real
   sum = whole;
 }
 
-enum class Outcome { good, singular, not_finite, stalled, too_long, coarse, endless_events };
+enum class Outcome { good, singular, not_finite, stalled, too_long, coarse, endless_events, interrupted };
 
 struct Progress {
   std::int64_t ticks = 0;
@@ -67,16 +68,64 @@ inline int first_not_finite(const JointState& state) {
   return -1;
 }
 
+// What an integrator keeps, as numbers; the first says of which kind of integrator they are.
+enum class Kept { nothing = 1, gauss, adaptive, events };
+
+// Reads such numbers one by one, and knows whether each was there and could be.
+class KeptNumbers {
+ public:
+  KeptNumbers(const double* begin, const double* end) : at_(begin), end_(end) {}
+
+  bool cut = false;  // of a motion that events cut short: a time in it is known up to rounding
+
+  std::size_t left() const { return static_cast<std::size_t>(end_ - at_); }
+  const double* at() const { return at_; }
+
+  bool is(Kept kind) {
+    double value;
+    return number(value) && value == static_cast<double>(kind);
+  }
+  bool number(double& value) {
+    if (at_ == end_ || !std::isfinite(*at_)) return false;
+    value = *at_++;
+    return true;
+  }
+  bool at_least_zero(double& value) { return number(value) && value >= 0.0; }
+
+  // A whole number from `least` to `most`, both exact as a double.
+  template <class Whole>
+  bool whole(Whole& value, double least, double most) {
+    double given;
+    if (!number(given) || given < least || given > most || given != std::floor(given)) return false;
+    value = static_cast<Whole>(given);
+    return true;
+  }
+  bool numbers(std::vector<double>& values) {
+    for (double& value : values)
+      if (!number(value)) return false;
+    return true;
+  }
+
+ private:
+  const double *at_, *end_;
+};
+
+// Ticks that a double can count.
+constexpr std::int64_t most_ticks = std::int64_t(1) << 53;
+
 class Integrator {
  public:
   Counts counts;
-  CoarseStep coarse;  // the first one
+  CoarseStep coarse;           // the first one
 
   virtual ~Integrator() = default;
 
+  // Where it looks for a stop while advance() or reach() goes on; null: there can be none.
+  virtual void look_out(Lookout* lookout) { lookout_ = lookout; }
+
   // Moves `state`, which is at `now` s, that is at tick `tick` or not yet at the next, on to tick + ticks under the
   // clamped actuator effort. Stops before a tick that fails: the state is then that of the last good one. Calls may be
-  // cut anywhere: the bits are the same.
+  // cut anywhere: the bits are the same. Where it is interrupted it is as if it had not gone beyond the last whole tick.
   virtual Progress advance(double now, std::int64_t tick, std::int64_t ticks, JointState& state,
                            const double* actuator) = 0;
 
@@ -92,9 +141,20 @@ class Integrator {
   // Forces other than the actuators' were changed.
   virtual void forces_changed() { forget(); }
 
-  // What decides how to go on besides the state: for a checkpoint.
-  virtual std::vector<double> save() const { return {}; }
-  virtual void load(const std::vector<double>&) { forget(); }
+  // Appends what decides how to go on besides the state: for a checkpoint.
+  virtual void save(std::vector<double>& all) const { all.push_back(static_cast<double>(Kept::nothing)); }
+
+  // Takes it back; false where it cannot be what was saved in this state, at `now` s behind tick `tick`, or where, without
+  // a state, the numbers alone cannot be. Then the integrator is not to be used before it has loaded something good.
+  virtual bool load(KeptNumbers& kept, std::int64_t /*tick*/, double /*now*/, const JointState* /*state*/) {
+    forget();
+    return kept.is(Kept::nothing) && kept.left() == 0;
+  }
+
+ protected:
+  bool stopped(std::int64_t work) { return lookout_ != nullptr && lookout_->stop(work); }
+
+  Lookout* lookout_ = nullptr;
 };
 
 // An integrator of smooth motion, which events may cut short (events.hpp).
@@ -133,6 +193,10 @@ class FixedStep : public Motion {
   Progress advance(double, std::int64_t tick, std::int64_t ticks, JointState& state, const double* actuator) override {
     Progress progress;
     for (; progress.ticks < ticks; ++progress.ticks) {
+      if (stopped(work())) {
+        progress.outcome = Outcome::interrupted;
+        break;
+      }
       progress.outcome = step(state, actuator, tick_length_, next_, progress.joint);
       if (progress.outcome == Outcome::good && (progress.joint = first_not_finite(next_)) >= 0)
         progress.outcome = Outcome::not_finite;
@@ -147,6 +211,7 @@ class FixedStep : public Motion {
 
   double look(std::int64_t tick, double offset, double limit, const JointState& state, const double* actuator,
               bool /*passed*/, Progress& progress) override {
+    if (stopped(work())) return progress.outcome = Outcome::interrupted, 0.0;
     from_ = state, offset_ = offset, ahead_ = limit - offset;
     actuator_.assign(actuator, actuator + actuator_.size());
     ++number, ++counts.steps;
@@ -176,6 +241,8 @@ class FixedStep : public Motion {
   const double tick_length_;
 
  private:
+  std::int64_t work() const { return 16 * static_cast<std::int64_t>(actuator_.size()); }
+
   // Of the step from `state` to next_ that tick `tick` begins with.
   Outcome judge(std::int64_t tick, double length, const JointState& state, const double* actuator, int& joint) {
     if (most_error_rate_ == 0.0) return Outcome::good;

@@ -115,6 +115,8 @@ class Numbers {
       throw py::value_error(std::string(name) + " must be numbers of shape " + text(wanted) + ", got " +
                             text(py::str("{!r:.80}").format(given)));
     }
+    if ((py::reinterpret_borrow<py::array>(made_).flags() & py::detail::npy_api::NPY_ARRAY_ALIGNED_) == 0)
+      made_ = made_.attr("copy")();
     array_ = made_;
     if (!has_shape(shape, dimensions))
       throw py::value_error(std::string(name) + " has shape " + text(array_.attr("shape")) + ", must have " +

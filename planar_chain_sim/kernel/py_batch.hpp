@@ -2,22 +2,27 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <string>
 #include <tuple>
 #include <vector>
 
 #include "events.hpp"
 #include "methods.hpp"
 #include "py_model.hpp"
+#include "py_turn.hpp"
 #include "roll_batch.hpp"
 
 // Accelerations of many states, (states, joints) each, in the lanes of the widest vectors, by one thread.
 class StateBatch {
  public:
   StateBatch(const Model& model, const Array& position, const Array& velocity, const Array& effort, bool dense)
-      : states_(position.shape(0)), joints_(position.shape(1)) {
+      : states_(position.ndim() == 2 ? position.shape(0) : 0), joints_(model.chain().joint_count) {
+    if (states_ < 1) throw py::value_error("the kernel got no states");
+    for (const Array* array : {&position, &velocity, &effort}) numbers_of(*array, states_ * joints_);
     pc::with_width(pc::vector_widths().back(), [&](auto width) {
       using Width = decltype(width);
       auto lanes = std::make_shared<pc::StatesInLanes<typename Width::Real>>(
@@ -29,11 +34,14 @@ class StateBatch {
   }
 
   void evaluate(std::int64_t repeats) {
-    py::gil_scoped_release release;
+    turn_.await();
+    LongCall call(&turn_);
+    call.let_go();
     run_(repeats);
   }
 
-  Array accelerations() const {
+  Array accelerations() {
+    turn_.await();
     Array out({states_, joints_});
     read_(out.mutable_data());
     return out;
@@ -43,14 +51,44 @@ class StateBatch {
   const py::ssize_t states_, joints_;
   std::function<void(std::int64_t)> run_;
   std::function<void(double*)> read_;
+  Turn turn_;
 };
+
+using SceneModels = std::vector<std::tuple<Model*, bool, pc::MethodData*>>;
+
+inline void check_batch(const SceneModels& models, double step, std::int64_t ticks, const Array& position,
+                        const Array& velocity, const Array& effort, int threads, int width) {
+  const auto refuse = [](bool bad, const char* what) {
+    if (bad) throw py::value_error(std::string("the kernel got a batch with bad ") + what);
+  };
+  const std::vector<int> widths = pc::vector_widths();
+  refuse(!std::isfinite(step) || !(step > 0.0), "step");
+  refuse(ticks < 0 || ticks > pc::most_ticks, "ticks");
+  refuse(threads < 1 || threads >= 1 << 16, "threads");
+  refuse(width != 0 && width != 1 && std::find(widths.begin(), widths.end(), width) == widths.end(), "width");
+  refuse(position.ndim() != 2 || position.shape(0) < 1, "position");
+  const py::ssize_t scenes = position.shape(0), joints = position.shape(1);
+  refuse(models.size() != 1 && models.size() != static_cast<std::size_t>(scenes), "models");
+  for (const auto& [model, dense, method] : models) {
+    refuse(model == nullptr || model->chain().joint_count != joints, "models");
+    refuse(method == nullptr || pc::misfit(*method) != nullptr, "methods");
+    refuse(method->family != std::get<2>(models.front())->family, "methods");
+  }
+  refuse(!aligned(position), "position");
+  refuse(velocity.ndim() != 2 || velocity.shape(0) != scenes || velocity.shape(1) != joints || !aligned(velocity),
+         "velocity");
+  refuse(effort.ndim() != 3 || (effort.shape(0) != 1 && effort.shape(0) != scenes) ||
+             (effort.shape(1) != 1 && effort.shape(1) != ticks) || effort.shape(2) != joints || !aligned(effort),
+         "effort");
+}
 
 // Runs scenes of one model, or of a model each, with whether its form is dense and its method, which is one for all but
 // for adaptive ones, from states (scenes, joints) under efforts (1 or scenes, 1 or ticks, joints). Returns positions, velocities (scenes, ticks + 1, joints) and efforts
 // (scenes, ticks, joints), or, if not `every_tick`, with 1 and no rows; then ticks done, outcome, joint of each scene.
-inline py::tuple roll_batch(const std::vector<std::tuple<Model*, bool, pc::MethodData*>>& models, double step, std::int64_t ticks,
+inline py::tuple roll_batch(const SceneModels& models, double step, std::int64_t ticks,
                      const Array& position, const Array& velocity, const Array& effort,
                      bool every_tick, int threads, int width) {
+  check_batch(models, step, ticks, position, velocity, effort, threads, width);
   pc::Batch batch;
   for (const auto& [model, dense, method] : models) batch.scenes.push_back({&model->chain(), &model->forces, dense});
   batch.count = position.shape(0), batch.joints = static_cast<int>(position.shape(1));
@@ -61,9 +99,9 @@ inline py::tuple roll_batch(const std::vector<std::tuple<Model*, bool, pc::Metho
   const pc::MethodData& first = *std::get<pc::MethodData*>(models.front());
   const bool smooth = std::none_of(batch.scenes.begin(), batch.scenes.end(),
                                    [](const pc::Scene& scene) { return scene.forces->have_events(); });
-  if (smooth && first.family == "explicit Runge-Kutta" && !first.adaptive)
+  if (smooth && first.family == pc::Family::explicit_runge_kutta && !first.adaptive)
     batch.method = pc::LaneMethod::runge_kutta, batch.tableau = first.tableau;
-  if (smooth && first.family == "semi-implicit") batch.method = pc::LaneMethod::semi_implicit_euler;
+  if (smooth && first.family == pc::Family::semi_implicit) batch.method = pc::LaneMethod::semi_implicit_euler;
   batch.single_run = [&](std::size_t i) {
     const pc::Scene& scene = batch.scenes[i];
     const pc::MethodData& method = *std::get<pc::MethodData*>(models[i]);
@@ -79,9 +117,10 @@ inline py::tuple roll_batch(const std::vector<std::tuple<Model*, bool, pc::Metho
   batch.position_reached = reached.mutable_data(), batch.velocity_reached = rate.mutable_data();
   if (every_tick) batch.effort_taken = acted.mutable_data();
   batch.ticks_done = done.mutable_data(), batch.outcome = outcome.mutable_data(), batch.joint = joint.mutable_data();
-  {
-    py::gil_scoped_release release;
-    pc::roll_batch(batch, threads, width > 0 ? width : pc::vector_widths().back());
-  }
+  LongCall call;
+  call.let_go();
+  pc::roll_batch(batch, threads, width > 0 ? width : pc::vector_widths().back(), [&call] { return call.ask(); });
+  call.take_back();
+  call.raise();
   return py::make_tuple(reached, rate, acted, done, outcome, joint);
 }

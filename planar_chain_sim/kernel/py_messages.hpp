@@ -33,10 +33,11 @@ inline std::string json_list(const Array& values) {
 // The command that comes at nearly every tick, a std_msgs/msg/Float64MultiArray (CDR) without dimensions: where it has a
 // finite effort for each joint, they are put into `effort`, and the event that tells so is returned, a
 // std_msgs/msg/String. None for any other message, which is Python's to judge; it would take ten times as long for this.
-inline py::object plain_command(const py::bytes& data, Array& effort, long long tick, const char* topic) {
+inline py::object plain_command(const py::bytes& data, Array& effort, long long tick, const std::string& topic) {
   const std::string_view message = data;
   const auto joints = static_cast<std::uint32_t>(effort.size());
   const std::uint32_t head[] = {256, 0, 0, joints};   // encapsulation, no dimensions, data_offset, count; then a gap
+  if (effort.ndim() != 1 || !aligned(effort) || !effort.writeable()) throw py::value_error("the kernel got a bad effort");
   if (!joints || message.size() < 20 + 8 * std::size_t(joints) || std::memcmp(message.data(), head, sizeof head))
     return py::none();
   std::vector<double> values(joints);

@@ -9,6 +9,8 @@
 #include <cmath>
 #include <complex>
 #include <cstdint>
+#include <initializer_list>
+#include <iterator>
 #include <memory>
 #include <optional>
 #include <string>
@@ -27,10 +29,22 @@
 
 namespace pc = planar_chain;
 
+// Whether the numbers lie where the processor can read them.
+inline bool aligned(const py::array& array) { return (array.flags() & py::detail::npy_api::NPY_ARRAY_ALIGNED_) != 0; }
+
+// An array of so many numbers; Python, which has checked it, says what was wanted.
+inline const double* numbers_of(const Array& array, py::ssize_t count) {
+  if (array.size() != count || !aligned(array))
+    throw py::value_error("the kernel got an array of " + std::to_string(array.size()) + " numbers, must be " +
+                          std::to_string(count) + ", aligned");
+  return array.data();
+}
+
 // Const data of one chain plus a workspace for single evaluations (used under the GIL only).
 class Model {
  public:
   Model(const Ints& topology, const Array& constants, std::tuple<double, double> gravity, int joint_count) {
+    check(topology, constants, joint_count);
     const auto t = topology.unchecked<2>();   // carrier slot, slide joint, rotation joint
     const auto c = constants.unchecked<2>();  // in the order of Link::numbers
     chain_.joint_count = joint_count;
@@ -53,6 +67,12 @@ class Model {
 
   const pc::Chain& chain() const { return chain_; }
   pc::JointForces forces;
+
+  // Of a law that is added.
+  int joint(int index) const {
+    if (index < 0 || index >= chain_.joint_count) throw py::value_error("the kernel got joint " + std::to_string(index));
+    return index;
+  }
 
   // (acceleration, joint): -1; or the joint whose pivot vanished; or -2 - joint where its acceleration is not finite.
   py::tuple forward_dynamics(const py::handle& position, const py::handle& velocity, const py::handle& effort,
@@ -136,13 +156,14 @@ class Model {
                              std::int64_t count, bool dense) {
     const Numbers given = joints("position", position), v = joints("velocity", velocity), u = joints("effort", effort);
     std::vector<double> q(given.data(), given.data() + chain_.joint_count), acceleration(effort_.size());
-    std::copy(u.data(), u.data() + chain_.joint_count, effort_.begin());
+    const std::vector<double> acting(u.data(), u.data() + chain_.joint_count);
+    const std::vector<double> rate(v.data(), v.data() + chain_.joint_count);
     double sum = 0.0;
-    pc::Form& chosen = form(dense);
+    const std::unique_ptr<pc::Form> chosen = pc::make_form<double>(chain_, dense);  // others may ask this model meanwhile
     py::gil_scoped_release release;
     for (std::int64_t k = 0; k < count; ++k) {
       q[0] += 1e-9;
-      chosen.forward(q.data(), v.data(), effort_.data(), acceleration.data());
+      chosen->forward(q.data(), rate.data(), acting.data(), acceleration.data());
       sum += acceleration[0];
     }
     return sum;
@@ -257,6 +278,25 @@ class Model {
   pc::Jacobian& jacobian() {
     if (!jacobian_) jacobian_.emplace(chain_, forces);   // its matrices are made for those who ask for them
     return *jacobian_;
+  }
+
+  // A tree in regular labelling in which each joint moves one link.
+  static void check(const Ints& topology, const Array& constants, int joint_count) {
+    const py::ssize_t links = topology.ndim() == 2 ? topology.shape(0) : -1, columns = std::size(pc::Link::numbers);
+    bool good = links > 0 && topology.shape(1) == 3 && constants.ndim() == 2 && constants.shape(0) == links &&
+                constants.shape(1) == columns && aligned(topology) && aligned(constants) && joint_count > 0 &&
+                joint_count <= 2 * links;
+    std::vector<int> moved(good ? static_cast<std::size_t>(joint_count) : 0);
+    for (py::ssize_t i = 0; good && i < links; ++i) {
+      const int carrier = topology.at(i, 0), slide = topology.at(i, 1), rotation = topology.at(i, 2);
+      good = carrier >= 0 && carrier <= i && (slide >= 0 || rotation >= 0);
+      for (const int joint : {slide, rotation}) {
+        good = good && joint >= -1 && joint < joint_count;
+        if (good && joint >= 0) ++moved[static_cast<std::size_t>(joint)];
+      }
+    }
+    if (!good || std::any_of(moved.begin(), moved.end(), [](int links_moved) { return links_moved != 1; }))
+      throw py::value_error("the kernel got arrays that describe no chain");
   }
 
   // Positions without whole turns.

@@ -1,186 +1,220 @@
 // Python's view of a simulation.
 #pragma once
 
+#include <atomic>
 #include <cmath>
 #include <complex>
 #include <cstdint>
+#include <cstring>
 #include <memory>
+#include <optional>
+#include <string>
 #include <tuple>
+#include <utility>
 #include <vector>
 
 #include "events.hpp"
 #include "integrators.hpp"
 #include "methods.hpp"
 #include "py_model.hpp"
+#include "py_turn.hpp"
 #include "rollout.hpp"
 
-// State, method and workspace of one simulation. Ticks are counted by Python.
+// State, method and workspace of one simulation. Any thread may call at any time: while one computes without the
+// interpreter, the others wait. interrupt() alone waits for nobody.
+//
+// A method that returns a word has refused the argument of that name, and nothing is changed; None is success. Python then
+// converts the argument or says what is wrong with it.
 class Stepper {
  public:
-  Stepper(const Model& model, const pc::MethodData& method, double step, bool dense)
-      : forces_(model.forces), state_(model.chain().joint_count), effort_(state_.position.size()),
-        latched_(state_.position.size()), zero_(state_.position.size()), step_(step),
-        right_hand_side_(model.chain(), forces_),
-        form_(pc::make_form<double>(model.chain(), dense)),
-        integrator_(pc::make_integrator(method, model.chain(), *form_, forces_, step, dense)) {
-    forces_.chain = &model.chain();
+  Stepper(const py::object& model, const pc::MethodData& method, double step, bool dense)
+      : scene_(std::make_unique<Scene>(model, method, checked(step, method), dense)),
+        state_(model.cast<const Model&>().chain().joint_count), effort_(state_.position.size()),
+        latched_(state_.position.size()), zero_(state_.position.size()), step_(step), adaptive_(method.adaptive),
+        lookout_(stop_wanted_) {
+    scene_->integrator->look_out(&lookout_);
   }
   Stepper(const Stepper&) = delete;
 
-  // Goes on from `now` s, at tick `tick` or behind it, where the arguments are whole: an int >= 0; None or a finite array
-  // of (joints,) or (ticks, joints); None or a tuple of arrays (ticks, joints) that take position, velocity and effort.
-  // Returns None when done, (ticks done, outcome, joint) where it stopped before or a coarse step is to be told, and
-  // False, with nothing moved, where Python is to check or convert an argument first: a controlled run comes here at
-  // every tick.
-  py::object advance(double now, std::int64_t tick, const py::handle& ticks_given, const py::handle& effort_given,
-                     const py::handle& record_given) {
-    const py::ssize_t joints = static_cast<py::ssize_t>(effort_.size());
-    if (!PyLong_CheckExact(ticks_given.ptr())) return py::bool_(false);
-    int overflow = 0;
-    const std::int64_t ticks = PyLong_AsLongLongAndOverflow(ticks_given.ptr(), &overflow);
-    if (ticks < 0 || overflow != 0) return py::bool_(false);
-
+  // Goes on for an int >= 0 of ticks, under None or a finite array of (joints,) or (ticks, joints), into None or a tuple
+  // of arrays (ticks, joints) that take position, velocity and effort. (outcome, joint) where it stopped before or a coarse
+  // step is to be told. Throws what a signal handler has raised meanwhile, with everything at the last whole tick.
+  py::object advance(const py::handle& ticks_given, const py::handle& effort_given, const py::handle& record_given) {
+    turn_.await();
+    std::int64_t ticks;
+    if (!whole(ticks_given, ticks) || ticks > pc::most_ticks - tick_) return py::str("ticks");
     pc::Efforts efforts{zero_.data(), 0};
-    if (!effort_given.is_none()) {
-      if (!py::isinstance<Array>(effort_given)) return py::bool_(false);
-      const Array effort = py::reinterpret_borrow<Array>(effort_given);
-      const bool rows = effort.ndim() == 2;
-      if (effort.ndim() == 0 || effort.shape(effort.ndim() - 1) != joints || effort.ndim() > 2) return py::bool_(false);
-      if (rows && effort.shape(0) != ticks) return py::bool_(false);
-      for (py::ssize_t i = 0; i < effort.size(); ++i)
-        if (!std::isfinite(effort.data()[i])) return py::bool_(false);
-      efforts = {effort.data(), rows ? effort_.size() : 0};
-    }
+    if (!take_effort(effort_given, ticks, efforts)) return py::str("effort");
     pc::Record record;
-    if (!record_given.is_none()) {
-      if (!PyTuple_CheckExact(record_given.ptr()) || PyTuple_GET_SIZE(record_given.ptr()) != 3) return py::bool_(false);
-      double** const fields[] = {&record.position, &record.velocity, &record.effort};
-      for (py::ssize_t i = 0; i < 3; ++i) {
-        const py::handle given(PyTuple_GET_ITEM(record_given.ptr(), i));
-        if (!py::isinstance<Array>(given)) return py::bool_(false);
-        Array rows = py::reinterpret_borrow<Array>(given);
-        if (rows.ndim() != 2 || rows.shape(0) != ticks || rows.shape(1) != joints || !rows.writeable())
-          return py::bool_(false);
-        *fields[i] = rows.mutable_data();
-      }
-    }
-
-    pc::Progress progress;
-    if (ticks * joints < few_joint_ticks) {
-      progress = pc::roll(*integrator_, forces_, state_, step_, now, tick, ticks, efforts, record, effort_, latched_);
-    } else {
-      py::gil_scoped_release release;
-      progress = pc::roll(*integrator_, forces_, state_, step_, now, tick, ticks, efforts, record, effort_, latched_);
-    }
-    if (progress.outcome == pc::Outcome::good && (told_ || integrator_->coarse.joint < 0)) return py::none();
-    return py::make_tuple(progress.ticks, static_cast<int>(progress.outcome), progress.joint);
+    if (!take_record(record_given, ticks, record)) return py::str("record");
+    return go_on(ticks, std::nullopt, efforts, record);
   }
+
+  // Goes on to a tick, and from there to `time`, a float behind it in s, if that is not None.
+  py::object advance_to(const py::handle& tick_given, const py::handle& time_given, const py::handle& effort_given) {
+    turn_.await();
+    std::int64_t tick;
+    std::optional<double> until;
+    if (!whole(tick_given, tick) || !behind(time_given, tick, until) || (until && !adaptive_)) return py::str("time");
+    if (tick < tick_ || (until ? *until < time() : tick == tick_ && between_)) return py::str("time");
+    pc::Efforts efforts{zero_.data(), 0};
+    if (!take_effort(effort_given, tick - tick_, efforts) || (until && efforts.stride != 0)) return py::str("effort");
+    return go_on(tick - tick_, until, efforts, {});
+  }
+
+  // Lets the call under way, or else the next one, end at the last whole tick.
+  void interrupt() { stop_wanted_.store(true, std::memory_order_relaxed); }
+
+  // Fails where this thread is in the middle of a call, waits where another one is.
+  void await() { turn_.await(); }
 
   // Once, the first step that was seen to be far from right: (tick, error, rad or m a second, joint); else None.
   py::object take_coarse_step() {
-    const pc::CoarseStep& coarse = integrator_->coarse;
+    turn_.await();
+    const pc::CoarseStep& coarse = scene_->integrator->coarse;
     if (told_ || coarse.joint < 0) return py::none();
     told_ = true;
     return py::make_tuple(coarse.tick, coarse.error_rate, coarse.joint);
   }
 
-  // Goes on from `now`, at `tick` or behind it, to `time`, s, under the effort held; None when done, (outcome, joint) where it stopped before.
-  py::object reach(double now, std::int64_t tick, double time, const Array& effort) {
-    std::copy(effort.data(), effort.data() + effort.size(), latched_.begin());
-    forces_.clamp(latched_.data());
-    pc::Progress progress;
-    integrator_->reach(now, tick, time, state_, latched_.data(), progress);
-    if (progress.outcome != pc::Outcome::good)
-      return py::make_tuple(static_cast<int>(progress.outcome), progress.joint);
-    effort_ = latched_;
-    return py::none();
-  }
-
-  // -1; or, with nothing changed, the joint whose position lies beyond a stop.
+  // -1; or, with nothing changed, the joint whose position lies beyond a stop. ValueError: an array that is no good.
   int put_state(const py::handle& position, const py::handle& velocity) {
-    const py::ssize_t joints = static_cast<py::ssize_t>(effort_.size());
-    const Numbers q("position", position, {joints}), v("velocity", velocity, {joints});
-    for (const auto& stop : forces_.stops)
+    const Numbers q("position", position, {joints()}), v("velocity", velocity, {joints()});
+    turn_.await();
+    for (const auto& stop : scene_->forces.stops)
       if (q.data()[stop.joint] < stop.lower || q.data()[stop.joint] > stop.upper) return stop.joint;
-    set_state(q.data(), v.data());
+    scene_->integrator->forget();
+    std::copy_n(q.data(), effort_.size(), state_.position.begin());
+    std::copy_n(v.data(), effort_.size(), state_.velocity.begin());
+    std::fill(state_.position_remainder.begin(), state_.position_remainder.end(), 0.0);
+    std::fill(state_.velocity_remainder.begin(), state_.velocity_remainder.end(), 0.0);
     return -1;
   }
 
-  void set_state(const double* position, const double* velocity) {
-    integrator_->forget();
-    std::copy(position, position + effort_.size(), state_.position.begin());
-    std::copy(velocity, velocity + effort_.size(), state_.velocity.begin());
-    std::fill(state_.position_remainder.begin(), state_.position_remainder.end(), 0.0);
-    std::fill(state_.velocity_remainder.begin(), state_.velocity_remainder.end(), 0.0);
+  // Tick, s of the time between two ticks or None, and arrays: position, velocity, their remainders, effort, and what the
+  // integrator keeps, between the number of the format and a sum of the bits before.
+  py::tuple save() {
+    turn_.await();
+    std::vector<double> kept = {kept_format};
+    scene_->integrator->save(kept);
+    kept.push_back(sum_of_bits(kept.data(), kept.size()));
+    return py::make_tuple(tick_, between_ ? py::object(py::float_(*between_)) : py::none(),
+                          py::make_tuple(make_array(state_.position), make_array(state_.velocity),
+                                         make_array(state_.position_remainder), make_array(state_.velocity_remainder),
+                                         make_array(effort_), make_array(kept)));
   }
 
-  py::tuple save() const {
-    return py::make_tuple(make_array(state_.position), make_array(state_.velocity),
-                          make_array(state_.position_remainder), make_array(state_.velocity_remainder),
-                          make_array(effort_), make_array(integrator_->save()));
-  }
-
-  void load(const Array& position, const Array& velocity, const Array& position_remainder,
-            const Array& velocity_remainder, const Array& effort, const Array& ahead) {
-    set_state(position.data(), velocity.data());
-    std::copy(position_remainder.data(), position_remainder.data() + position_remainder.size(),
-              state_.position_remainder.begin());
-    std::copy(velocity_remainder.data(), velocity_remainder.data() + velocity_remainder.size(),
-              state_.velocity_remainder.begin());
-    std::copy(effort.data(), effort.data() + effort.size(), effort_.begin());
-    integrator_->load(std::vector<double>(ahead.data(), ahead.data() + ahead.size()));
+  // Takes what save() gave; `anew`: of a stepper with another method, which starts here. The word is that of a part that
+  // cannot be.
+  py::object load(const py::handle& tick_given, const py::handle& between_given, const py::handle& parts, bool anew) {
+    turn_.await();
+    std::int64_t tick;
+    std::optional<double> between;
+    if (!whole(tick_given, tick)) return py::str("tick");
+    if (!behind(between_given, tick, between) || (between && !adaptive_)) return py::str("time");
+    if (!PyTuple_CheckExact(parts.ptr()) || PyTuple_GET_SIZE(parts.ptr()) != 6) return py::str("state");
+    pc::JointState state(static_cast<int>(effort_.size()));
+    std::vector<double> effort(effort_);
+    std::vector<double>* const into[] = {&state.position, &state.velocity, &state.position_remainder,
+                                         &state.velocity_remainder, &effort};
+    const char* const words[] = {"position", "velocity", "position remainder", "velocity remainder", "effort"};
+    for (py::ssize_t i = 0; i < 5; ++i) {
+      const py::handle part(PyTuple_GET_ITEM(parts.ptr(), i));
+      if (!is_joint_array(part)) return py::str(words[i]);
+      std::copy_n(py::reinterpret_borrow<Array>(part).data(), effort_.size(), into[i]->begin());
+    }
+    // What is left of a rounded sum is too small to change it.
+    for (std::size_t i = 0; i < effort_.size(); ++i) {
+      if (state.position[i] + state.position_remainder[i] != state.position[i]) return py::str(words[2]);
+      if (state.velocity[i] + state.velocity_remainder[i] != state.velocity[i]) return py::str(words[3]);
+    }
+    if (anew) {
+      scene_->integrator->forget();
+    } else if (!load_steps(py::handle(PyTuple_GET_ITEM(parts.ptr(), 5)), tick, between, state)) {
+      return py::str("steps");
+    }
+    state_ = state, effort_ = effort, tick_ = tick, between_ = between;
+    return py::none();
   }
 
   // In place of those that act: (slot of the link, whether the force turns with it, point, force, each as a complex number
   // of the link's axes or the plane's, moment).
   void set_wrenches(const std::vector<std::tuple<int, bool, std::complex<double>, std::complex<double>, double>>& given) {
-    forces_.wrenches.clear();
-    for (const auto& [link, turns, point, force, moment] : given)
-      forces_.wrenches.push_back({link, turns, point.real(), point.imag(), force.real(), force.imag(), moment});
-    integrator_->forces_changed();
+    turn_.await();
+    std::vector<pc::Wrench> wrenches;
+    for (const auto& [link, turns, point, force, moment] : given) {
+      if (link < 1 || link > scene_->chain().link_count())
+        throw py::value_error("the kernel got a wrench on link " + std::to_string(link));
+      for (const double number : {point.real(), point.imag(), force.real(), force.imag(), moment})
+        if (!std::isfinite(number)) throw py::value_error("the kernel got a wrench that is not finite");
+      wrenches.push_back({link, turns, point.real(), point.imag(), force.real(), force.imag(), moment});
+    }
+    scene_->forces.wrenches = wrenches;
+    scene_->integrator->forces_changed();
   }
 
   // Joint efforts that do the work of the wrenches in this state.
-  Array wrench_effort() const {
+  Array wrench_effort() {
+    turn_.await();
     std::vector<double> effort(effort_.size());
-    forces_.add_wrenches(state_.position.data(), state_.position_remainder.data(), effort.data());
+    scene_->forces.add_wrenches(state_.position.data(), state_.position_remainder.data(), effort.data());
     return make_array(effort);
   }
 
-  // Goes on from the state of `other`, whose chain has the same joints but may differ in all else.
-  void take_over(const Stepper& other) {
-    state_ = other.state_, effort_ = other.effort_, told_ = other.told_;
-    const auto* before = dynamic_cast<const pc::EventDriven*>(other.integrator_.get());
-    if (auto* driven = dynamic_cast<pc::EventDriven*>(integrator_.get()); driven && before) driven->adopt(*before);
+  // Goes on with the chain, the wrenches and the method of `fresh`, which nobody else has seen; its chain has the same
+  // joints. `with_state`: with its time and state too. Returns counts and events up to here.
+  py::tuple adopt(Stepper& fresh, bool with_state) {
+    turn_.await();
+    if (&fresh == this || fresh.effort_.size() != effort_.size())
+      throw py::value_error("the kernel got a chain with other joints");
+    const py::tuple before = py::make_tuple(counts(), take_events());
+    std::swap(scene_, fresh.scene_);
+    scene_->integrator->look_out(&lookout_), fresh.scene_->integrator->look_out(&fresh.lookout_);
+    step_ = fresh.step_, adaptive_ = fresh.adaptive_;
+    if (with_state) {
+      state_ = fresh.state_, effort_ = fresh.effort_, tick_ = fresh.tick_, between_ = fresh.between_;
+      return before;
+    }
+    const auto* former = dynamic_cast<const pc::EventDriven*>(fresh.scene_->integrator.get());
+    if (auto* driven = dynamic_cast<pc::EventDriven*>(scene_->integrator.get()); driven && former) driven->adopt(*former);
+    return before;
   }
 
-  Array position() const { return make_array(state_.position); }
-  Array velocity() const { return make_array(state_.velocity); }
-  Array effort() const { return make_array(effort_); }
-  py::tuple counts() const {
-    const pc::Counts& counts = integrator_->counts;
+  std::int64_t tick() { return turn_.await(), tick_; }
+  double now() { return turn_.await(), time(); }
+  Array position() { return turn_.await(), make_array(state_.position); }
+  Array velocity() { return turn_.await(), make_array(state_.velocity); }
+  Array effort() { return turn_.await(), make_array(effort_); }
+  bool told() const { return told_; }
+  void set_told(bool told) { told_ = told; }
+  py::tuple counts() {
+    turn_.await();
+    const pc::Counts& counts = scene_->integrator->counts;
     return py::make_tuple(counts.evaluations, counts.steps, counts.rejected_steps, counts.events);
   }
 
   // Accelerations under the efforts that acted last, with what stands standing; -1, or the joint whose pivot vanished.
   py::tuple acceleration() {
+    turn_.await();
     Array out(static_cast<py::ssize_t>(effort_.size()));
     int joint;
-    if (auto* driven = dynamic_cast<pc::EventDriven*>(integrator_.get())) {
+    if (auto* driven = dynamic_cast<pc::EventDriven*>(scene_->integrator.get())) {
       joint = driven->accelerate(state_, effort_.data(), out.mutable_data());
     } else {
       std::vector<double> position = state_.position;
-      right_hand_side_.start(position.data());
-      joint = right_hand_side_.accelerate(*form_, state_.position.data(), state_.position_remainder.data(),
-                                          position.data(), state_.velocity.data(), effort_.data(), out.mutable_data());
+      pc::RightHandSide& right_hand_side = scene_->right_hand_side;
+      right_hand_side.start(position.data());
+      joint = right_hand_side.accelerate(*scene_->form, state_.position.data(), state_.position_remainder.data(),
+                                         position.data(), state_.velocity.data(), effort_.data(), out.mutable_data());
     }
     return py::make_tuple(out, joint);
   }
 
   // (tick, s behind it, kind, joint, speed) of each event since the last call, the newest few thousand.
   py::list take_events() {
+    turn_.await();
     py::list taken;
-    if (auto* driven = dynamic_cast<pc::EventDriven*>(integrator_.get())) {
+    if (auto* driven = dynamic_cast<pc::EventDriven*>(scene_->integrator.get())) {
       for (const pc::JointEvent& event : driven->events)
         taken.append(py::make_tuple(event.tick, event.offset, static_cast<int>(event.kind), event.joint, event.speed));
       driven->events.clear();
@@ -191,13 +225,152 @@ class Stepper {
  private:
   // Below this, some microseconds, letting the interpreter go and taking it back would cost more than it gives.
   static constexpr std::int64_t few_joint_ticks = 32;
+  static constexpr double kept_format = 2.0;
 
-  pc::JointForces forces_;  // the model's, and wrenches
+  // What a changed chain replaces; the parts point at each other.
+  struct Scene {
+    py::object model;
+    pc::JointForces forces;  // the model's, and wrenches
+    pc::RightHandSide right_hand_side;
+    std::unique_ptr<pc::Form> form;
+    std::unique_ptr<pc::Integrator> integrator;
+
+    Scene(const py::object& made, const pc::MethodData& method, double step, bool dense)
+        : model(made), forces(made.cast<const Model&>().forces),
+          right_hand_side(chain(), forces), form(pc::make_form<double>(chain(), dense)) {
+      forces.chain = &chain();
+      integrator = pc::make_integrator(method, chain(), *form, forces, step, dense);
+    }
+    const pc::Chain& chain() const { return model.cast<const Model&>().chain(); }
+  };
+
+  static double checked(double step, const pc::MethodData& method) {
+    if (const char* word = pc::misfit(method)) throw py::value_error(std::string("the kernel got a method with a bad ") + word);
+    if (!std::isfinite(step) || !(step > 0.0)) throw py::value_error("the kernel got a bad step");
+    return step;
+  }
+
+  static bool whole(const py::handle& given, std::int64_t& number) {
+    if (!PyLong_CheckExact(given.ptr())) return false;
+    int overflow = 0;
+    number = PyLong_AsLongLongAndOverflow(given.ptr(), &overflow);
+    return overflow == 0 && number >= 0 && number <= pc::most_ticks;
+  }
+
+  // None, or a float between a tick and the next.
+  bool behind(const py::handle& given, std::int64_t tick, std::optional<double>& time) const {
+    if (given.is_none()) return true;
+    if (!PyFloat_CheckExact(given.ptr())) return false;
+    time = PyFloat_AS_DOUBLE(given.ptr());
+    return std::isfinite(*time) && *time >= static_cast<double>(tick) * step_ && *time <= static_cast<double>(tick + 1) * step_;
+  }
+
+  static bool finite(const Array& array) {
+    const double* numbers = array.data();
+    for (py::ssize_t i = 0; i < array.size(); ++i)
+      if (!std::isfinite(numbers[i])) return false;
+    return true;
+  }
+
+  bool is_joint_array(const py::handle& given) const {
+    if (!py::isinstance<Array>(given)) return false;
+    const Array array = py::reinterpret_borrow<Array>(given);
+    return array.ndim() == 1 && array.size() == joints() && aligned(array) && finite(array);
+  }
+
+  bool take_effort(const py::handle& given, std::int64_t ticks, pc::Efforts& efforts) const {
+    if (given.is_none()) return true;
+    if (!py::isinstance<Array>(given)) return false;
+    const Array effort = py::reinterpret_borrow<Array>(given);
+    const bool rows = effort.ndim() == 2;
+    if (effort.ndim() == 0 || effort.ndim() > 2 || effort.shape(effort.ndim() - 1) != joints()) return false;
+    if ((rows && effort.shape(0) != ticks) || !aligned(effort) || !finite(effort)) return false;
+    efforts = {effort.data(), rows ? effort_.size() : 0};
+    return true;
+  }
+
+  bool take_record(const py::handle& given, std::int64_t ticks, pc::Record& record) const {
+    if (given.is_none()) return true;
+    if (!PyTuple_CheckExact(given.ptr()) || PyTuple_GET_SIZE(given.ptr()) != 3) return false;
+    double** const fields[] = {&record.position, &record.velocity, &record.effort};
+    for (py::ssize_t i = 0; i < 3; ++i) {
+      const py::handle part(PyTuple_GET_ITEM(given.ptr(), i));
+      if (!py::isinstance<Array>(part)) return false;
+      Array rows = py::reinterpret_borrow<Array>(part);
+      if (rows.ndim() != 2 || rows.shape(0) != ticks || rows.shape(1) != joints() || !rows.writeable() || !aligned(rows))
+        return false;
+      *fields[i] = rows.mutable_data();
+    }
+    return true;
+  }
+
+  py::object go_on(std::int64_t ticks, const std::optional<double>& until, const pc::Efforts& efforts,
+                   const pc::Record& record) {
+    pc::Integrator& integrator = *scene_->integrator;
+    pc::Progress progress;
+    LongCall call(&turn_);
+    lookout_.begin([&call] { return call.ask(); });
+    if (until || ticks >= few_joint_ticks || ticks * joints() >= few_joint_ticks) call.let_go();
+    if (ticks > 0)
+      progress = pc::roll(integrator, scene_->forces, state_, step_, time(), tick_, ticks, efforts, record, effort_, latched_);
+    const bool there = progress.outcome == pc::Outcome::good;
+    if (progress.ticks > 0) tick_ += progress.ticks, between_.reset();
+    if (there && until) {
+      std::copy_n(efforts.data, effort_.size(), latched_.begin());
+      scene_->forces.clamp(latched_.data());
+      integrator.reach(time(), tick_, *until, state_, latched_.data(), progress);
+      if (progress.outcome == pc::Outcome::good) effort_ = latched_, between_ = until;
+    }
+    call.take_back();
+    if (progress.outcome == pc::Outcome::interrupted) {
+      call.raise();
+      stop_wanted_.store(false, std::memory_order_relaxed);
+    }
+    if (progress.outcome == pc::Outcome::good && (told_ || integrator.coarse.joint < 0)) return py::none();
+    return py::make_tuple(static_cast<int>(progress.outcome), progress.joint);
+  }
+
+  bool load_steps(const py::handle& given, std::int64_t tick, const std::optional<double>& between,
+                  const pc::JointState& state) {
+    if (!py::isinstance<Array>(given)) return false;
+    const Array kept = py::reinterpret_borrow<Array>(given);
+    const py::ssize_t count = kept.size() - 1;
+    if (kept.ndim() != 1 || count < 1 || !aligned(kept) || kept.data()[0] != kept_format ||
+        kept.data()[count] != sum_of_bits(kept.data(), static_cast<std::size_t>(count)))
+      return false;
+    std::vector<double> before;
+    pc::Integrator& integrator = *scene_->integrator;
+    integrator.save(before);
+    pc::KeptNumbers numbers(kept.data() + 1, kept.data() + count);
+    if (integrator.load(numbers, tick, between ? *between : static_cast<double>(tick) * step_, &state)) return true;
+    pc::KeptNumbers former(before.data(), before.data() + before.size());
+    if (!integrator.load(former, tick_, time(), &state_)) integrator.forget();
+    return false;
+  }
+
+  // A whole number below 2^52 (FNV-1a, by 64 bits).
+  static double sum_of_bits(const double* numbers, std::size_t count) {
+    std::uint64_t sum = 0xcbf29ce484222325u;
+    for (std::size_t i = 0; i < count; ++i) {
+      std::uint64_t bits;
+      std::memcpy(&bits, numbers + i, sizeof bits);
+      sum = (sum ^ bits) * 0x100000001b3u;
+      sum ^= sum >> 29;
+    }
+    return static_cast<double>(sum >> 12);
+  }
+
+  py::ssize_t joints() const { return static_cast<py::ssize_t>(effort_.size()); }
+  double time() const { return between_ ? *between_ : static_cast<double>(tick_) * step_; }
+
+  std::unique_ptr<Scene> scene_;
   pc::JointState state_;
+  std::int64_t tick_ = 0;
+  std::optional<double> between_;  // s, the time where that is behind the tick
   std::vector<double> effort_, latched_, zero_;
-  const double step_;
-  bool told_ = false;  // of a coarse step
-  pc::RightHandSide right_hand_side_;
-  std::unique_ptr<pc::Form> form_;
-  std::unique_ptr<pc::Integrator> integrator_;
+  double step_;
+  bool adaptive_, told_ = false;   // the last: of a coarse step
+  std::atomic<bool> stop_wanted_{false};
+  pc::Lookout lookout_;
+  Turn turn_;
 };

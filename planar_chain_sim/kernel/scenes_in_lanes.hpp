@@ -29,6 +29,8 @@ class ScenesInLanes {
     if (batch.tableau.stages > 0) b_ = terms(Weights(batch.tableau.b, batch.tableau.stages, 0));
   }
 
+  Lookout& lookout() { return alone_.lookout(); }
+
   // Sets up block `block`; false if its scenes cannot share lanes and have been run one by one.
   bool prepare(std::int64_t block) {
     first_ = block * lanes;
@@ -54,7 +56,9 @@ class ScenesInLanes {
   void run() {
     const bool all = batch_.effort_taken != nullptr;
     if (all) keep_states(0);
+    Lookout& lookout = alone_.lookout();
     for (std::int64_t tick = 0; tick < batch_.ticks && !here_.empty(); ++tick) {
+      if (lookout.stop(16 * static_cast<std::int64_t>(joints_))) return;
       if (tick == 0 || batch_.effort_tick_stride != 0) latch(tick);
       const Truth<Real> stopped = step();
       if (any(stopped)) dismiss(stopped, tick);

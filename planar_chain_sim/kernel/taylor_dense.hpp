@@ -36,7 +36,7 @@ class TaylorDense final : public Taylor {
 
  private:
   // The same code twice; without contraction the wider vectors change no bit.
-#if defined(__x86_64__) && defined(__GNUC__)
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(PLANAR_CHAIN_NARROW)
   __attribute__((target("avx2"))) int fill_wide(const JointState& base) { return coefficients(base); }
   const bool widest_ = __builtin_cpu_supports("avx2");
 #else

@@ -116,7 +116,7 @@ PLANAR_CHAIN_INLINE void sine_cosine_each(const Real* __restrict angle, const Lo
 
 // The same for `blocks` times 8 angles, with the machine's widest vectors; without contraction that changes no bit.
 constexpr int sine_block = 8;
-#if defined(__GNUC__) && !defined(__clang__) && defined(__x86_64__) && defined(__linux__)
+#if defined(__GNUC__) && !defined(__clang__) && defined(__x86_64__) && defined(__linux__) && !defined(PLANAR_CHAIN_NARROW)
 __attribute__((target_clones("avx2", "default")))
 #endif
 inline void sine_cosine(const double* __restrict angle, double* __restrict sine, double* __restrict cosine,

@@ -6,6 +6,11 @@
 
 #include "lanes.hpp"
 
+// -DPLANAR_CHAIN_NARROW leaves the wide ones out, for builds that take long.
+#if defined(__x86_64__) && !defined(PLANAR_CHAIN_NARROW)
+#define PLANAR_CHAIN_VECTORS
+#endif
+
 namespace planar_chain {
 
 // run(work) compiles work.run(), with all that it calls, for vectors of `count` numbers.
@@ -21,7 +26,7 @@ struct VectorWidth<2> {
   }
 };
 
-#if defined(__x86_64__)
+#ifdef PLANAR_CHAIN_VECTORS
 template <>
 struct VectorWidth<4> {
   static bool exists() { return __builtin_cpu_supports("avx2"); }
@@ -44,7 +49,7 @@ struct VectorWidth<8> {
 // The widths there are, the widest last.
 inline std::vector<int> vector_widths() {
   std::vector<int> widths = {2};
-#if defined(__x86_64__)
+#ifdef PLANAR_CHAIN_VECTORS
   if (VectorWidth<4>::exists()) widths.push_back(4);
   if (VectorWidth<8>::exists()) widths.push_back(8);
 #endif
@@ -60,7 +65,7 @@ struct OfWidth {
 // task(OfWidth<width>()) for one of these widths.
 template <class Task>
 void with_width(int width, const Task& task) {
-#if defined(__x86_64__)
+#ifdef PLANAR_CHAIN_VECTORS
   if (width == 8) return task(OfWidth<8>());
   if (width == 4) return task(OfWidth<4>());
 #endif

@@ -5,7 +5,7 @@
 #include "form.hpp"
 #include "lanes.hpp"
 
-#if defined(__GNUC__) && defined(__x86_64__) && defined(__linux__)
+#if defined(__GNUC__) && defined(__x86_64__) && defined(__linux__) && !defined(PLANAR_CHAIN_NARROW)
 #define PLANAR_CHAIN_WIDE __attribute__((target("avx2"), flatten))
 #define PLANAR_CHAIN_HAS_WIDE static_cast<bool>(__builtin_cpu_supports("avx2"))
 #else

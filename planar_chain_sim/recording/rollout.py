@@ -17,12 +17,13 @@ from .run_settings import settings_of
 from ..chain import Chain
 from ..chain_yaml import load_chain
 from ..command_line import Mistake, Parser, run_command
-from ..dynamics import joint_array, SimulationError
+from ..dynamics import Interrupted, joint_array, SimulationError
 from ..integrators import METHODS
 from ..simulation import JointEvent, Simulation, whole_ticks
 
 STATE_TOPIC, EVENTS_TOPIC = '/joint_states', '/simulator/events'   # what the node would publish them on
-CHUNK = 1000   # ticks between two looks at the progress bar and at Ctrl-C
+CHUNK = 1000   # ticks between two looks at the progress bar, at most
+LONG = 0.1     # s of wall time, beyond which fewer ticks are made between two looks
 
 
 class OfflineLog:
@@ -79,17 +80,18 @@ def roll_to_log(simulation: Simulation, ticks: int, effort: Optional[np.ndarray]
     """
     Advance `ticks` ticks under `effort`, (joints,) held or (ticks, joints), into the log; `show(n)` after n more ticks.
 
-    SimulationError as Simulation.advance, after the ticks before it have been logged.
+    SimulationError and Interrupted as Simulation.advance, after the ticks before it have been logged.
     """
     joints = simulation.chain.joint_count
     efforts = np.broadcast_to(np.zeros(joints) if effort is None else effort, (ticks, joints))
     position, velocity, acted = (np.empty((CHUNK, joints)) for _ in range(3))
-    for start in range(0, ticks, CHUNK):
-        rows, failure, first = efforts[start:start + CHUNK], None, simulation.tick
+    start, chunk = 0, 1
+    while start < ticks:
+        began, rows, failure, first = perf_counter(), efforts[start:start + chunk], None, simulation.tick
         count = len(rows)
         try:
             simulation.advance(count, rows, record=(position[:count], velocity[:count], acted[:count]))
-        except SimulationError as error:
+        except (SimulationError, Interrupted) as error:
             failure = error
         events = simulation.take_events()
         for k in range(simulation.tick - first):
@@ -98,9 +100,12 @@ def roll_to_log(simulation: Simulation, ticks: int, effort: Optional[np.ndarray]
                 log.write_joint_event(events.pop(0))
             log.write_state(first + k + 1, position[k], velocity[k], acted[k])
         show(simulation.tick - first)
-        if failure:
+        if isinstance(failure, SimulationError):
             log.write_divergence(failure)
+        if failure:
             raise failure
+        start, quick = start + count, perf_counter() - began < LONG
+        chunk = min(CHUNK, 2 * chunk) if quick else max(1, chunk // 2)
 
 
 def read_efforts(text: str, chain: Chain) -> np.ndarray:
@@ -162,16 +167,14 @@ def _rollout_to_file(arguments) -> int:
     from tqdm import tqdm   # the progress bar; not needed where rollout is a function
     print(f'{chain.name}: {simulation.plan}')
     began = perf_counter()
-    stops = []   # a signal in the midst of a record would tear the log: it is obeyed between chunks
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda number, frame: stops.append(number))
+    for number in (signal.SIGINT, signal.SIGTERM):   # an exception in the midst of a record would tear the log
+        signal.signal(number, lambda number, frame: simulation.interrupt())
     with OfflineLog(path, simulation, options.compression) as log, tqdm(
             total=ticks, unit='tick', unit_scale=True, disable=None, leave=False) as bar:
-        def show(done):
-            bar.update(done)
-            if stops:
-                raise KeyboardInterrupt
-        roll_to_log(simulation, ticks, effort, log, show)
+        try:
+            roll_to_log(simulation, ticks, effort, log, bar.update)
+        except Interrupted:
+            raise KeyboardInterrupt from None
     print(f'{path}: {simulation.time:g} s simulated in {perf_counter() - began:.2f} s, {ticks + 1} states')
     return 0
 

@@ -1,6 +1,7 @@
 """What decides a run besides its chain and its changes, as text in the log that loses no bit; and the way back."""
 from __future__ import annotations
 
+from dataclasses import replace
 import json
 from platform import machine
 
@@ -11,7 +12,7 @@ from .log_writer import LogError
 from .. import __version__, _kernel
 from ..chain import ChainError
 from ..chain_yaml import chain_from_text
-from ..simulation import Checkpoint, Simulation
+from ..simulation import Simulation
 
 FORMAT = '1'
 
@@ -41,7 +42,7 @@ def simulation_of(log: Log) -> Simulation:
             raise ValueError('joint_names are not those of its chain.yaml')
         simulation.set_state(*(np.array([float.fromhex(value) for value in json.loads(settings[key])])
                                for key in ('position', 'velocity')))
-        simulation.restore(Checkpoint(int(settings['tick']), simulation.checkpoint().state))
+        simulation.restore(replace(simulation.checkpoint(), tick=int(settings['tick'])))
     except KeyError as error:
         raise LogError(f'log {str(log.path)!r}: its settings lack {error}') from None
     except (ChainError, ValueError, TypeError, OverflowError) as error:

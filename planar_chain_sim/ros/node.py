@@ -105,6 +105,7 @@ def serve(node, ending, stop, simulator, chain, urdf, values, log) -> None:
             marker_array(chain, *simulator.seen, frame_id)))
     services.start()
     ending.callback(services.stop)
+    ending.callback(simulator.halt)   # first of all: a service must not wait for a tick that takes long
 
 
 def tell_of_clocks(node, values) -> None:
@@ -153,8 +154,9 @@ def load(node, values, stop):
 def create_simulation(chain, values):
     """Return the Simulation of the chain and the parameters; Mistake where there can't be one."""
     from .simulator import payload_of
-    from ..changes import apply_change, changed_chain, QUANTITIES
+    from ..changes import apply_change
     from ..command_line import Mistake
+    from ..quantities import changed_chain, QUANTITIES
     from ..simulation import Simulation
     try:
         for name in QUANTITIES:

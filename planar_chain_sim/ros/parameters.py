@@ -13,8 +13,8 @@ from typing import Callable, NamedTuple, Optional, Union
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
 from rclpy.parameter import Parameter
 
-from ..changes import changed_chain, QUANTITIES
 from ..command_line import Mistake
+from ..quantities import changed_chain, QUANTITIES
 
 Value = Union[bool, float, str, list]
 NUMBERS, TEXTS = Parameter.Type.DOUBLE_ARRAY, Parameter.Type.STRING_ARRAY

@@ -9,6 +9,8 @@ from std_srvs.srv import SetBool, Trigger
 
 from .standard_services import offer
 
+LAST_TURNS = 8   # of the executor, for answers in hand that had let others have a turn
+
 
 class ServiceThread:
     """
@@ -38,7 +40,7 @@ class ServiceThread:
         self._thread.start()
 
     def stop(self) -> None:
-        """Finish the answer in hand and end the thread; the executor goes last, it is not made for races."""
+        """Finish the answers in hand and end the thread; the executor goes last, it is not made for races."""
         self._stopping = True
         self._executor.create_task(lambda: None)  # something to do, so that the wait ends
         self._thread.join()
@@ -48,6 +50,8 @@ class ServiceThread:
         try:
             while not self._stopping:
                 self._executor.spin_once()
+            for _ in range(LAST_TURNS):
+                self._executor.spin_once(timeout_sec=0.0)
         except BaseException as error:
             self._done(error)
 

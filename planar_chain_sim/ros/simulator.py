@@ -18,13 +18,16 @@ from .measurement import Meter
 from .pacing import LONGEST_LATENESS, Pacing, wake_punctually
 from .publication import Publication
 from .._kernel import json_list
-from ..changes import apply_change, QUANTITIES, to_json
-from ..dynamics import SimulationError
+from ..changes import apply_change
+from ..dynamics import Interrupted, SimulationError
+from ..quantities import QUANTITIES, to_json
 
 LOOK_PERIOD = 20_000_000  # ns between two looks at who publishes commands and at the log
 LONGEST_SLEEP = 10_000_000  # ns; a request or a stop is seen after at most this, whatever the rate
 LONGEST_BACKLOG = 20_000  # messages; as fast as possible is no faster than the disk
 ANSWER_TIMEOUT = 2.0  # s
+STEP_SLICE = 20_000_000  # ns of steps between two looks at what else is asked
+ENDING = 'the simulation is ending'
 
 
 def payload_of(values) -> dict:
@@ -56,15 +59,22 @@ class Simulator:
         self._paused, self._divergence = values['start_paused'], None
         self._look_due = self._repeat_due = 0
         self._requests, self._stopping = deque(), False
+        self.overruled = 0   # how often somebody has paused, resumed or reset: who steps on gives way
         self._thread = Thread(target=self._run_guarded, name='tick', daemon=True)
 
     def start(self) -> None:
         """Publish and record the initial state and start ticking."""
         self._thread.start()
 
-    def stop(self) -> None:
-        """End the thread after the tick it is at, and wait for it."""
+    def halt(self) -> None:
+        """Let the thread end, within some milliseconds and at a whole tick, and answer no more."""
         self._stopping = True
+        self._simulation.interrupt()
+        self._intake.wake()
+
+    def stop(self) -> None:
+        """End the thread as halt() does, and wait for it."""
+        self.halt()
         if self._thread.ident:
             self._intake.wake()
             self._thread.join()
@@ -74,16 +84,21 @@ class Simulator:
         """
         Have something done between two ticks and return its answer, (success, sentence).
 
-        'reset'; 'step' (ticks); 'pause' (bool); 'set_parameter' (name, value); 'measure', whose sentence is a
+        'reset'; 'step'; 'step_on' (at most so many ticks, `overruled` when that was asked for first), whose sentence is
+        the number of ticks done; 'pause' (bool); 'set_parameter' (name, value); 'measure', whose sentence is a
         Measurement.
         """
         reply = SimpleQueue()
         self._requests.append((getattr(self, f'_{what}'), arguments, reply))
         self._intake.wake()
-        try:
-            return reply.get(timeout=ANSWER_TIMEOUT)
-        except Empty:
-            return False, f'the simulation has not answered within {ANSWER_TIMEOUT:g} s'
+        until = monotonic_ns() + round(ANSWER_TIMEOUT * 1e9)
+        while monotonic_ns() < until:
+            try:
+                return reply.get(timeout=0.05)
+            except Empty:
+                if self._stopping:
+                    return False, ENDING
+        return False, f'the simulation has not answered within {ANSWER_TIMEOUT:g} s'
 
     @property
     def paused(self) -> bool:
@@ -109,6 +124,8 @@ class Simulator:
         try:
             wake_punctually()
             self._run()
+        except Interrupted:
+            pass   # by halt()
         except BaseException as error:
             self._done(error)
 
@@ -256,6 +273,7 @@ class Simulator:
             self._logger.warning(sentence)
 
     def _reset(self) -> tuple[bool, str]:
+        self.overruled += 1
         apply_change(self._simulation, 'reset', {})
         self._clear_commands()
         self._wrenches.clear()
@@ -269,20 +287,29 @@ class Simulator:
         self._show(record=True)
         return True, f'initial state and zero efforts from tick {self._simulation.tick} on'
 
-    def _step(self, ticks: int = 1) -> tuple[bool, str]:
+    def _step(self) -> tuple[bool, str]:
+        done, sentence = self._step_on(1, self.overruled)
+        return done, f'stepped to tick {self._simulation.tick}' if done else sentence
+
+    def _step_on(self, ticks: int, overruled: int) -> tuple[bool, object]:
         if self._divergence:
             return False, f'not stepped: {self._divergence}'
         if not self._paused:
             return False, 'not stepped: the simulation is running, pause it first'
+        if overruled != self.overruled:
+            return False, 'stepped no further: ~/pause or ~/reset came between'
         self._look()
-        for _ in range(ticks):
+        done, until = 0, monotonic_ns() + STEP_SLICE
+        while done < ticks and (not done or monotonic_ns() < until) and not self._stopping:
             self._latch()
             self._publication.event('step')
             if not self._tick(publish=True):
                 return False, str(self._divergence)
-        return True, f'stepped to tick {self._simulation.tick}'
+            done += 1
+        return True, done
 
     def _pause(self, wanted: bool) -> tuple[bool, str]:
+        self.overruled += 1
         if wanted == self._paused:
             return True, f'already {"paused" if wanted else "running"} at tick {self._simulation.tick}'
         self._paused = wanted

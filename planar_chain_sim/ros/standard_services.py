@@ -6,21 +6,20 @@ it would jump back and stop whoever listens.
 """
 from __future__ import annotations
 
-from typing import Callable
+from typing import Awaitable, Callable
 
 # SimulatorFeatures: reset, of the state; state got, set, pause; steps single, multiple, by action.
 FEATURES = (20, 22, 24, 25, 26, 31, 32, 33)
 FEATURE_UNSUPPORTED, OK, OPERATION_FAILED, ALREADY_IN_TARGET_STATE = 0, 1, 4, 101   # Result
 SCOPE_DEFAULT, SCOPE_STATE, SCOPE_ALL = 0, 2, 255   # ResetSimulation
 STOPPED, PLAYING, PAUSED, QUITTING = 0, 1, 2, 3     # SimulationState
-CHUNK = 100  # steps between two looks at what else is asked
 
 
 class StandardServices:
-    """Answers for a Simulator; `quit()` ends the process."""
+    """Answers for a Simulator; `quit()` ends the process, `await pause()` lets others have a turn."""
 
-    def __init__(self, simulator, quit_process: Callable[[], None], name: str):
-        self._simulator, self._quit, self._name = simulator, quit_process, name
+    def __init__(self, simulator, quit_process: Callable[[], None], name: str, pause: Callable[[], Awaitable]):
+        self._simulator, self._quit, self._name, self._pause = simulator, quit_process, name, pause
         self._stopped_at = None  # tick at which somebody wanted it stopped
         self.rows = {   # name of the service -> (type, answer)
             'get_simulator_features': ('GetSimulatorFeatures', self.features),
@@ -42,11 +41,14 @@ class StandardServices:
         return _fail(response, FEATURE_UNSUPPORTED, f'scope {request.scope} is not supported, must be STATE '
                      f'({SCOPE_STATE}) or ALL ({SCOPE_ALL})')
 
-    def step(self, request, response):
-        """Step this many ticks, while paused."""
-        for done, sentence in self._steps(request.steps):
+    async def step(self, request, response):
+        """Step this many ticks, while paused; whoever pauses, resumes or resets meanwhile ends it."""
+        total, completed = request.steps, 0
+        for done, sentence in self._steps(total):
             if not done:
-                return _fail(response, OPERATION_FAILED, sentence)
+                return _fail(response, OPERATION_FAILED, f'{sentence} ({completed} of {total} steps done)')
+            completed = sentence
+            await self._pause()
         return _answer(response, True, '')
 
     def get_state(self, request, response):
@@ -72,8 +74,8 @@ class StandardServices:
             return _fail(response, OPERATION_FAILED, f'state {wanted} is none, must be 0 to 3')
         return _answer(response, True, '')
 
-    async def simulate(self, goal, action_type, pause):
-        """Step this many ticks, with feedback, until done or cancelled; `await pause()` lets others have a turn."""
+    async def simulate(self, goal, action_type):
+        """Step this many ticks, with feedback, until done or cancelled."""
         result, feedback = action_type.Result(), action_type.Feedback()
         total, completed = goal.request.steps, 0
         for done, sentence in self._steps(total):
@@ -83,7 +85,7 @@ class StandardServices:
             completed = sentence
             feedback.completed_steps, feedback.remaining_steps = completed, total - completed
             goal.publish_feedback(feedback)
-            await pause()
+            await self._pause()
             if goal.is_cancel_requested:
                 goal.canceled()
                 return _fail(result, OPERATION_FAILED, f'cancelled after {completed} of {total} steps')
@@ -91,13 +93,15 @@ class StandardServices:
         return _answer(result, True, '')
 
     def _steps(self, total: int):
-        """Step chunk by chunk; yield (True, steps completed) or at last (False, why)."""
-        completed = 0
+        """Step a while at a time; yield (True, steps completed) or at last (False, why)."""
+        completed, overruled = 0, self._simulator.overruled
         while completed < total:
-            chunk = min(CHUNK, total - completed)
-            done, sentence = self._simulator.ask('step', chunk)
-            completed += chunk
-            yield (True, completed) if done else (False, sentence)
+            done, sentence = self._simulator.ask('step_on', total - completed, overruled)
+            if not done:
+                yield False, sentence
+                return
+            completed += sentence
+            yield True, completed
 
     def _state(self) -> int:
         if not self._simulator.paused:
@@ -133,12 +137,15 @@ def offer(node, simulator, executor, quit_process: Callable[[], None]) -> bool:
     except ImportError:
         return False
     from rclpy.action import ActionServer, CancelResponse
-    services = StandardServices(simulator, quit_process, node.get_fully_qualified_name())
+    from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+    services = StandardServices(simulator, quit_process, node.get_fully_qualified_name(), lambda: _Turn(executor))
+    alone = MutuallyExclusiveCallbackGroup()   # while steps are made, the other services answer
     for name, (type_name, answer) in services.rows.items():
-        node.create_service(getattr(srv, type_name), f'~/{name}', answer)
+        node.create_service(getattr(srv, type_name), f'~/{name}', answer,
+                            callback_group=alone if name == 'step_simulation' else None)
 
     async def execute(goal):
-        return await services.simulate(goal, SimulateSteps, lambda: _Turn(executor))
+        return await services.simulate(goal, SimulateSteps)
     ActionServer(node, SimulateSteps, '~/simulate_steps', execute,
                  cancel_callback=lambda goal: CancelResponse.ACCEPT)
     return True

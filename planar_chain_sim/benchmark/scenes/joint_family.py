@@ -151,7 +151,7 @@ def at_random(peers: dict, size: float) -> Iterator[Check]:
     coarse = [failure for failure in failures if 'the step is too long' in failure]
     ended = len(failures) - len(coarse)
     yield Check(f'{count} scenes with friction and stops, 5 s: runs that end', 0, ended)
-    yield Check('of these: steps of 10 ms that are too long for the method, and named so', count // 200 + 1, len(coarse))
+    yield Check('and those that end as a step of 10 ms is too long, which is said', count // 200 + 1, len(coarse))
     fine = [report for scene, report in reports if scene.step < 5e-3 or scene.method == 'auto'
             or ROWS[scene.method].adaptive]
     yield Check('nothing drives them: energy rises in a tick by more than 1e-9 of its range: scenes', count // 500,
