@@ -12,16 +12,25 @@ FORMS = ('reference', 'dense', 'recursive', 'auto')
 
 class SimulationError(RuntimeError):
     """
-    A state that ran away or met a singular configuration: one sentence, and where it stopped.
+    A motion that cannot go on: one sentence, and where it stopped.
 
     `time` s, `tick`, `joint` and `body` (names), `position` and `velocity` (joints,): the last good state.
-    `time` and `tick` are None where there is no simulation.
+    `time` and `tick` are None where there is no simulation. `reason`: 'singular', a configuration without inertia;
+    'not_finite', the state ran away; 'coarse' and 'too_long', the fixed step is too long; 'stalled', the steps have
+    become too short; 'endless_events', stops and friction follow one another without time going on.
     """
 
-    def __init__(self, message, *, joint=None, body=None, time=None, tick=None, position=None, velocity=None):
+    def __init__(self, message, *, joint=None, body=None, time=None, tick=None, position=None, velocity=None,
+                 reason=None):
         super().__init__(message)
+        self.reason = reason
         self.joint, self.body, self.time, self.tick = joint, body, time, tick
         self.position, self.velocity = position, velocity
+
+    @property
+    def ran_away(self) -> bool:
+        """Whether the numbers ran away, a divergence; else something else ended the motion."""
+        return self.reason in ('not_finite', 'coarse')
 
 
 class Interrupted(RuntimeError):
@@ -46,7 +55,8 @@ def no_acceleration(chain: Chain, joint: int, why: str, position, velocity) -> S
     body = chain.body_of(name)
     return SimulationError(f"joint '{name}' of body '{body}' of {chain.name}: {why}", joint=name, body=body,
                            position=joint_array('position', position, shape),
-                           velocity=joint_array('velocity', velocity, shape))
+                           velocity=joint_array('velocity', velocity, shape),
+                           reason='singular' if 'singular' in why else 'not_finite')
 
 
 def forward_dynamics(chain: Chain, position, velocity, effort, form: str = 'auto') -> np.ndarray:

@@ -111,7 +111,7 @@ def stop_error(chain: Chain, tick: int, time: float, outcome: int, joint: int, p
     why = _WHY[_kernel.OUTCOMES[outcome]]
     return SimulationError(f"{where}joint '{name}' of body '{body}' of {chain.name} at tick {tick}, t = {time!r} s: "
                            f'{why}; the last good state is kept', joint=name, body=body, time=time, tick=tick,
-                           position=position, velocity=velocity)
+                           position=position, velocity=velocity, reason=_kernel.OUTCOMES[outcome])
 
 
 class Simulation:

@@ -67,8 +67,10 @@ def test_the_series_have_the_guard_too(name):
     for factor in (0.0, 50.0):
         simulation = pcs.Simulation(chain_of(*bodies(factor * EPS * scale)), 'taylor')
         assert simulation.form == 'dense'
-        with pytest.raises(pcs.SimulationError, match='the configuration is singular; the last good state is kept'):
+        with pytest.raises(pcs.SimulationError,
+                           match='the configuration is singular; the last good state is kept') as stopped:
             simulation.advance(1)
+        assert stopped.value.reason == 'singular' and not stopped.value.ran_away   # no divergence
     simulation = pcs.Simulation(chain_of(*bodies(200.0 * EPS * scale)), 'taylor')
     simulation.advance(1)
     assert not simulation.position.any()

@@ -61,10 +61,10 @@ class OfflineLog:
         """Append a stop touched or left, a joint stuck or slipped, at its time between two ticks."""
         self._write_event(event.tick, event.kind, at=event.time, joint=event.joint, time=event.time, speed=event.speed)
 
-    def write_divergence(self, error: SimulationError) -> None:
-        """Append the event that ended the run."""
-        self._write_event(error.tick, 'divergence', message=str(error), joint=error.joint, body=error.body,
-                          time=error.time)
+    def write_end(self, error: SimulationError) -> None:
+        """Append the event that ended the run: a divergence where the state ran away, else why it stopped."""
+        self._write_event(error.tick, 'divergence' if error.ran_away else 'stopped', message=str(error),
+                          reason=error.reason, joint=error.joint, body=error.body, time=error.time)
 
     def _write_event(self, tick: int, kind: str, at: Optional[float] = None, **data) -> None:
         time = self._nanoseconds(tick) if at is None else round(at * 1e9)
@@ -101,7 +101,7 @@ def roll_to_log(simulation: Simulation, ticks: int, effort: Optional[np.ndarray]
             log.write_state(first + k + 1, position[k], velocity[k], acted[k])
         show(simulation.tick - first)
         if isinstance(failure, SimulationError):
-            log.write_divergence(failure)
+            log.write_end(failure)
         if failure:
             raise failure
         start, quick = start + count, perf_counter() - began < LONG

@@ -52,10 +52,10 @@ class Diagnostics:
             'energy balance error, J': f'{measured.energy_error:.3g}',
             'energy balance error, relative': f'{measured.energy_error / measured.energy_size:.3g}',
         }
-        if measured.divergence:
-            error = measured.divergence
-            values.update({'divergence joint': error.joint, 'divergence body': error.body,
-                           'divergence time, s': repr(error.time),
+        if measured.end:
+            error, what = measured.end, 'divergence' if measured.end.ran_away else 'stopped'
+            values.update({f'{what} joint': error.joint, f'{what} body': error.body,
+                           f'{what} time, s': repr(error.time),
                            'last good position': error.position.tolist(),
                            'last good velocity': error.velocity.tolist()})
             return self._status('simulation', ERROR, str(error), values)

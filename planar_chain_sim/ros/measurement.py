@@ -13,7 +13,8 @@ class Measurement(NamedTuple):
     One look; counts are since the start, `lateness` (mean, largest; s) and `real_time_factor` since the last look.
 
     `missed`: ticks that came more than a period late and were made up for. `dropped`: s that were not.
-    `energy_error`, `energy_size`: of EnergyBalance, J. `rejected`: reason -> count. `divergence`: why the motion ended.
+    `energy_error`, `energy_size`: of EnergyBalance, J. `rejected`: reason -> count. `end`: why the motion
+    ended, or None.
     """
 
     tick: int
@@ -25,7 +26,7 @@ class Measurement(NamedTuple):
     energy_error: float
     energy_size: float
     rejected: dict
-    divergence: Optional[SimulationError]
+    end: Optional[SimulationError]
 
 
 class Meter:
@@ -60,7 +61,7 @@ class Meter:
         """Take time that was given up."""
         self._dropped += seconds
 
-    def measure(self, tick: int, intake, divergence: Optional[SimulationError], paused: bool) -> Measurement:
+    def measure(self, tick: int, intake, end: Optional[SimulationError], paused: bool) -> Measurement:
         """Return how things stand and begin a new look."""
         self.balance.fold()
         now, (last_tick, last) = monotonic_ns(), self._last
@@ -69,4 +70,4 @@ class Meter:
         self._ticks = self._sum = self._largest = 0
         self._last = tick, now
         return Measurement(tick, paused, factor, self._missed, self._dropped, lateness, self.balance.error,
-                           self.balance.size, dict(intake.rejected), divergence)
+                           self.balance.size, dict(intake.rejected), end)

@@ -56,7 +56,7 @@ class Simulator:
         self._wrenches = {}  # body -> the change 'wrench' that made what acts on it
         self._meter = Meter(simulation, self._publication.layout)
         self._has_joint_events = simulation.has_events
-        self._paused, self._divergence = values['start_paused'], None
+        self._paused, self._end = values['start_paused'], None
         self._look_due = self._repeat_due = 0
         self._requests, self._stopping = deque(), False
         self.overruled = 0   # how often somebody has paused, resumed or reset: who steps on gives way
@@ -148,7 +148,7 @@ class Simulator:
             if now >= self._look_due:
                 self._look_due = now + LOOK_PERIOD
                 self._look()
-            if self._paused or self._divergence:
+            if self._paused or self._end:
                 self._stand(now)
             else:
                 self._go_on(now)
@@ -192,14 +192,15 @@ class Simulator:
         self._warn('late', f'{late:.3f} s late and dropped, the machine cannot keep up')
 
     def _tick(self, publish: bool = False) -> bool:
-        """Advance one tick and show its state; on a divergence stand at the last good state and return False."""
+        """Advance one tick and show its state; where the motion ends stand at the last good state and return False."""
         publication, simulation = self._publication, self._simulation
         try:
             simulation.advance(1, self._held.effort, publication.outcome)
         except SimulationError as error:
             self._tell_joint_events()
-            self._divergence = error
-            publication.event('divergence', message=str(error), joint=error.joint, body=error.body,
+            self._end = error
+            publication.event('divergence' if error.ran_away else 'stopped', message=str(error), reason=error.reason,
+                              joint=error.joint, body=error.body,
                               time=error.time, position=error.position.tolist(), velocity=error.velocity.tolist())
             self._logger.error(f'{error}; ~/reset goes on from the initial state')
             return False
@@ -278,9 +279,9 @@ class Simulator:
         self._clear_commands()
         self._wrenches.clear()
         self._meter.balance.release()
-        if self._divergence and not self._paused:
+        if self._end and not self._paused:
             self._pacing.anchor(self._simulation.tick, monotonic_ns())
-        self._divergence = None
+        self._end = None
         self._publication.event('reset')
         self._publication.lay_out()
         self._meter.begin(self._simulation)
@@ -292,8 +293,8 @@ class Simulator:
         return done, f'stepped to tick {self._simulation.tick}' if done else sentence
 
     def _step_on(self, ticks: int, overruled: int) -> tuple[bool, object]:
-        if self._divergence:
-            return False, f'not stepped: {self._divergence}'
+        if self._end:
+            return False, f'not stepped: {self._end}'
         if not self._paused:
             return False, 'not stepped: the simulation is running, pause it first'
         if overruled != self.overruled:
@@ -304,7 +305,7 @@ class Simulator:
             self._latch()
             self._publication.event('step')
             if not self._tick(publish=True):
-                return False, str(self._divergence)
+                return False, str(self._end)
             done += 1
         return True, done
 
@@ -337,4 +338,4 @@ class Simulator:
         return True, f'{name} acts from tick {self._simulation.tick} on'
 
     def _measure(self) -> tuple:
-        return True, self._meter.measure(self._simulation.tick, self._intake, self._divergence, self._paused)
+        return True, self._meter.measure(self._simulation.tick, self._intake, self._end, self._paused)
