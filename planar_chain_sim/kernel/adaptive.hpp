@@ -106,6 +106,12 @@ class AdaptiveStep : public Motion {
     return Outcome::good;
   }
 
+  bool spans(std::int64_t tick, double from, double to, double& into) override {
+    if (!steps_.under_way || steps_.length == 0.0) return false;
+    shown_from_ = since_origin(tick), into = into_step(to);
+    return into_step(from) < steps_.length && into <= steps_.length;
+  }
+
   bool reads_densely() const override { return true; }
 
   void forget() override { steps_.under_way = keeping_ = false; }

@@ -54,7 +54,9 @@ class EventDriven final : public Integrator {
     double offset = now - static_cast<double>(tick) * step_;
     for (; progress.ticks < ticks; ++progress.ticks, offset = 0.0)
       if (stopped(joints_)) return progress.outcome = Outcome::interrupted, progress;
-      else if (!go(tick + progress.ticks, offset, step_, state, actuator, progress)) break;
+      else if (!coast(tick + progress.ticks, offset, state, actuator) &&
+               !go(tick + progress.ticks, offset, step_, state, actuator, progress))
+        break;
     return progress;
   }
 
@@ -150,6 +152,19 @@ class EventDriven final : public Integrator {
     enum Kind { above_lower, below_upper, sliding, held_up, held_down } kind;
     int joint, index;  // of the chain, of the moving part
   };
+
+  // To the next tick where nothing changes and nothing happens, in a step that has been looked through that far.
+  bool coast(std::int64_t tick, double from, JointState& state, const double* actuator) {
+    if (!under_way_ || changed_ || std::memcmp(held_.data(), actuator, held_.size() * sizeof(double)) != 0) return false;
+    if (!motion_) return true;                 // everything stands
+    double into;
+    if (number_ != motion_->number || !motion_->spans(tick, from, step_, into)) return false;
+    if ((!watches_.empty() && searched_ < into) || (!violated_.empty() && event_at_ <= into)) return false;
+    Progress progress;
+    if (!show(into, located_, progress)) return false;
+    part_.scatter(located_, state), shown_ = none;
+    return true;
+  }
 
   // From `from` to `to` s behind `tick`; false, with the state as it was, where it fails.
   bool go(std::int64_t tick, double from, double to, JointState& state, const double* actuator, Progress& progress) {

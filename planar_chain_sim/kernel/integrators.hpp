@@ -172,6 +172,9 @@ class Motion : public Integrator {
   // Where the motion is `into` s into that step.
   virtual Outcome show(double into, JointState& out, int& joint) = 0;
 
+  // Whether the step under way goes from `from` to `to` s behind `tick`; then `into` is how far into it that ends.
+  virtual bool spans(std::int64_t /*tick*/, double /*from*/, double /*to*/, double& /*into*/) { return false; }
+
   // Whether show() costs little; else it is another step.
   virtual bool reads_densely() const = 0;
 
