@@ -14,7 +14,8 @@
 
 namespace planar_chain {
 
-enum class Found { nothing, crossing, failed };
+// The last: the readings were too poor to tell; what they said is better known now.
+enum class Found { nothing, crossing, failed, poor };
 
 class EventSearch {
  public:

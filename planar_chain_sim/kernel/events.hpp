@@ -202,7 +202,8 @@ class EventDriven final : public Integrator {
       if (progress.outcome != Outcome::good) return failed(progress);
       const double wanted = motion_->into_step(to);
       passed = wanted > length_;
-      double into = passed ? length_ : wanted;
+      const double asked = passed ? length_ : wanted;
+      double into = asked;
       const Found found = watches_.empty() ? Found::nothing : watch(into, progress);
       if (found == Found::failed || !(shown_ == into || show(into, located_, progress))) return failed(progress);
       counts = before_;
@@ -211,7 +212,7 @@ class EventDriven final : public Integrator {
         coarse = motion_->coarse, coarse.joint = part_.joint_of(coarse.joint);
       part_.scatter(located_, state);
       shown_ = none;
-      if (found == Found::nothing && !passed) return true;
+      if (found == Found::nothing && into == asked && !passed) return true;
       at = std::fmin(to, std::fmax(at, motion_->behind_tick(into)));
       if (found == Found::nothing) continue;
       passed = false;
@@ -243,7 +244,9 @@ class EventDriven final : public Integrator {
       searched_ = found == Found::crossing ? search_.high : end;
       if (found == Found::crossing) found = locate(progress);
       if (found == Found::crossing && !motion_->reads_densely()) found = locate_by_steps(progress);
+      if (found == Found::poor) found = end_step_there(progress);
       if (found == Found::failed) return found;
+      into = std::fmin(into, length_);
     }
     if (violated_.empty() || event_at_ > into) return Found::nothing;
     into = event_at_;
@@ -334,6 +337,15 @@ class EventDriven final : public Integrator {
     return Found::crossing;
   }
 
+  // Where a step of its own tells more than reading between the ends did, the step ends there, and the way to there is
+  // looked through once more.
+  Found end_step_there(Progress& progress) {
+    if (!accelerate(located_, progress)) return Found::failed;
+    between_.end(located_, part_.acceleration, event_at_);
+    length_ = shown_ = event_at_, searched_ = 0.0, violated_.clear();
+    return Found::nothing;
+  }
+
   // The same by steps that end there: the crossing between the ends is a first guess, secants do the rest.
   Found locate_by_steps(Progress& progress) {
     const int w = violated_[0];
@@ -345,6 +357,7 @@ class EventDriven final : public Integrator {
       f = values_[w];
       const double next = time - f * (time - other) / (f - f_other);
       if (f == 0.0 || std::fabs(next - time) <= 1e-12 * length_) return settle_on(time);
+      if (rounds == 0 && std::fabs(next - time) > 0.01 * time && can_end_at(time)) return Found::poor;
       other = time, f_other = f, time = next;
       if (!(time >= search_.low && time <= search_.high)) break;
     }
@@ -352,15 +365,22 @@ class EventDriven final : public Integrator {
     double low = search_.low, high = search_.high;
     if (!take_step(low, progress)) return Found::failed;
     const double f_low = values_[w];
-    if (f_low < 0.0) return settle_on(low);
+    if (f_low < 0.0) return can_end_at(low) ? Found::poor : settle_on(low);
     if (!take_step(high, progress)) return Found::failed;
-    if (!(values_[w] < 0.0)) return violated_.clear(), Found::nothing;
+    if (!(values_[w] < 0.0)) return can_end_at(high) ? Found::poor : (violated_.clear(), Found::nothing);
     const auto value = [&](double at, double& there) {
       if (!take_step(at, progress)) return false;
       return there = values_[w], true;
     };
     if (!EventSearch::close_in(value, low, f_low, high, values_[w])) return Found::failed;
     return take_step(high, progress) ? settle_on(high) : Found::failed;
+  }
+
+  // Whether the step can end where located_ is, `time` s into it, rather than all along.
+  bool can_end_at(double time) {
+    if (!(time > 1e-6 * length_ && time < length_)) return false;
+    event_at_ = time;
+    return true;
   }
 
   // A step of `time` s to located_, and the watches there.
