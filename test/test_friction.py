@@ -208,3 +208,28 @@ def test_a_pendulum_held_across_by_just_enough_friction_stands_for_an_hour():
     simulation.advance(360_000)
     assert simulation.position.tolist() == [0.0] and simulation.take_events() == []
     assert block(friction=1.0).joints[0].friction == 1.0
+
+
+@pytest.mark.parametrize('method', STIFF_TOO)
+def test_a_wrench_acts_at_once_on_what_slides_sticks_and_rests(method):
+    """Oracle: a moment on a rod is an effort of its joint."""
+    chain = pcs.chain_from_dict({'name': 'rubbing_rod', 'bodies': [
+        {'name': 'rod', 'carrier': 'base', 'mass': 1.0, 'center_of_mass': [0.5, 0.0], 'inertia_com': 0.1,
+         'rotation': {'joint': 'hinge', 'friction': 0.5, 'lower': -2.0, 'upper': 0.5, 'velocity': 1.0}}]})
+    pushed, driven = pcs.Simulation(chain, method), pcs.Simulation(chain, method)
+    for moment in (0.0, 9.0, 20.0, -20.0, 0.0, 3.0):
+        pushed.set_wrench('rod', moment=moment)
+        for _ in range(2):
+            pushed.advance(70)
+            driven.advance(70, [moment])
+            np.testing.assert_allclose(pushed.position, driven.position, rtol=0.0, atol=1e-9)
+            np.testing.assert_allclose(pushed.velocity, driven.velocity, rtol=0.0, atol=1e-8)
+            np.testing.assert_allclose(pushed.acceleration, driven.acceleration, rtol=0.0, atol=1e-7)
+    assert [event.kind for event in pushed.take_events()] == [event.kind for event in driven.take_events()] != []
+    pushed.set_wrench('rod', moment=-5.0)   # also after a state that was put
+    for simulation in (pushed, driven):
+        simulation.set_state([0.1], [0.0])
+    pushed.clear_wrenches()
+    pushed.advance(50)
+    driven.advance(50)
+    np.testing.assert_allclose(pushed.position, driven.position, rtol=0.0, atol=1e-9)

@@ -75,7 +75,8 @@ class EventDriven final : public Integrator {
 
   void forget() override { under_way_ = changed_ = false; }
 
-  void forces_changed() override { changed_ = under_way_; }
+  // The moving part has forces of its own, made from these.
+  void forces_changed() override { changed_ = under_way_, built_ = false; }
 
   // Goes on from what stands and slides in `other`, whose chain has the same joints.
   void adopt(const EventDriven& other) {

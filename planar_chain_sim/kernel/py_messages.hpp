@@ -19,8 +19,11 @@ inline std::string json_list(const Array& values) {
 #ifdef __cpp_lib_to_chars
   std::string text = "[";
   char digits[32];
+  const auto* const bytes = reinterpret_cast<const char*>(values.data());   // perhaps at an odd address
   for (py::ssize_t k = 0; k < values.size(); ++k) {
-    const std::string_view number(digits, std::to_chars(digits, digits + sizeof digits, values.data()[k]).ptr - digits);
+    double value;
+    std::memcpy(&value, bytes + k * sizeof value, sizeof value);
+    const std::string_view number(digits, std::to_chars(digits, digits + sizeof digits, value).ptr - digits);
     text.append(k ? ", " : "").append(number);
     if (number.find_first_of(".e") == number.npos) text += ".0";
   }

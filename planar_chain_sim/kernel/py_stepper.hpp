@@ -80,14 +80,14 @@ class Stepper {
   // -1; or, with nothing changed, the joint whose position lies beyond a stop. ValueError: an array that is no good.
   int put_state(const py::handle& position, const py::handle& velocity) {
     const Numbers q("position", position, {joints()}), v("velocity", velocity, {joints()});
+    pc::JointState fresh(static_cast<int>(effort_.size()));   // arrays may change while another call is waited for
+    std::copy_n(q.data(), effort_.size(), fresh.position.begin());
+    std::copy_n(v.data(), effort_.size(), fresh.velocity.begin());
     turn_.await();
     for (const auto& stop : scene_->forces.stops)
-      if (q.data()[stop.joint] < stop.lower || q.data()[stop.joint] > stop.upper) return stop.joint;
+      if (fresh.position[stop.joint] < stop.lower || fresh.position[stop.joint] > stop.upper) return stop.joint;
     scene_->integrator->forget();
-    std::copy_n(q.data(), effort_.size(), state_.position.begin());
-    std::copy_n(v.data(), effort_.size(), state_.velocity.begin());
-    std::fill(state_.position_remainder.begin(), state_.position_remainder.end(), 0.0);
-    std::fill(state_.velocity_remainder.begin(), state_.velocity_remainder.end(), 0.0);
+    std::swap(state_, fresh);
     return -1;
   }
 
@@ -165,6 +165,7 @@ class Stepper {
   // joints. `with_state`: with its time and state too. Returns counts and events up to here.
   py::tuple adopt(Stepper& fresh, bool with_state) {
     turn_.await();
+    if (fresh.turn_.busy()) throw py::value_error("the kernel got a stepper that is at work");
     if (&fresh == this || fresh.effort_.size() != effort_.size())
       throw py::value_error("the kernel got a chain with other joints");
     const py::tuple before = py::make_tuple(counts(), take_events());

@@ -24,6 +24,7 @@ class Turn {
     if (taken_) wait();
   }
 
+  bool busy() const { return busy_; }
   bool mine() const { return busy_ && owner_ == std::this_thread::get_id(); }
 
  private:
