@@ -311,10 +311,11 @@ class Simulation:
         """Warn once of a fixed step that is far from what two half steps give."""
         coarse = self._stepper.take_coarse_step()
         if coarse:
-            tick, rate, joint = coarse
-            warn(f"step is {self.step!r} s, too long for method '{self.method}': at tick {tick} it is off by about "
-                 f"{rate * self.step:.2g} rad or m at joint '{self.chain.joint_names[joint]}' of {self.chain.name}",
-                 RuntimeWarning, stacklevel=3)
+            tick, error, joint, summed = coarse
+            what = 'the errors of all steps have added up, and the state' if summed else 'it'
+            warn(f"step is {self.step!r} s, too long for method '{self.method}': at tick {tick} {what} is off by about "
+                 f"{error:.2g} rad or m at joint '{self.chain.joint_names[joint]}' of {self.chain.name}; take a shorter "
+                 'step or an adaptive method', RuntimeWarning, stacklevel=3)
 
     def _error(self, outcome: int, joint: int) -> SimulationError:
         return stop_error(self.chain, self.tick, self.time, outcome, joint, self.position, self.velocity)

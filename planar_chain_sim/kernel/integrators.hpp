@@ -6,18 +6,12 @@
 #include <utility>
 #include <vector>
 
+#include "accumulated_error.hpp"
 #include "form.hpp"
 #include "joint_forces.hpp"
+#include "joint_state.hpp"
 
 namespace planar_chain {
-
-// Joint coordinates and rates as unevaluated sums: value + remainder holds twice the digits.
-struct JointState {
-  std::vector<double> position, velocity, position_remainder, velocity_remainder;
-
-  explicit JointState(int joints)
-      : position(joints), velocity(joints), position_remainder(joints), velocity_remainder(joints) {}
-};
 
 // Two-sum (Knuth, TAOCP 2, 4.2.2): what rounding loses goes into the remainder, so that error grows with steps^(1/2).
 template <class Real>
@@ -35,11 +29,12 @@ struct Progress {
   int joint = -1;
 };
 
-// A step of fixed size that is far from right: at which tick, how far, rad or m a second, at which joint; -1: none was seen.
+// Steps of fixed size that are far from right: at which tick it was seen, how far, rad or m, at which joint; -1: none was.
 struct CoarseStep {
   std::int64_t tick = 0;
-  double error_rate = 0.0;
+  double error = 0.0;
   int joint = -1;
+  bool summed = false;  // over all steps up to that tick; else of that step alone
 };
 
 // A step that moves a velocity by more than this part of a rad or m per step is looked at; by more than that, any step.
@@ -111,15 +106,16 @@ class Motion : public Integrator {
 
 // One step a tick. step() changes the state only if the outcome is good; else `joint` is why.
 //
-// Nothing controls the error of such steps, so now and then, and where velocities jump, one is compared with two half
-// ones: the first that is far off is kept to be warned of. Whether one ends the run, being violent and off by a whole rad
-// or m, depends on that step alone: not on what was looked at before, so that a restored run or a batch ends alike.
+// Nothing controls the error of such steps. For the first seconds it is followed as it adds up (accumulated_error.hpp), and
+// now and then, and where velocities jump, one is compared with two half ones: the first that is far off is kept to be
+// warned of. Whether one ends the run, being violent and off by a whole rad or m, depends on that step alone: not on what
+// was looked at before, so that a restored run or a batch ends alike.
 class FixedStep : public Motion {
  public:
   // `most_error_rate`: rad or m a second by which two half steps may differ; 0: the method finds by itself what is too long.
-  FixedStep(const JointForces& forces, int joints, double tick_length, double most_error_rate)
+  FixedStep(const JointForces& forces, int joints, int order, double tick_length, double most_error_rate)
       : forces_(forces), tick_length_(tick_length), most_error_rate_(most_error_rate), next_(joints), half_(joints),
-        halves_(joints), from_(joints), actuator_(joints) {}
+        halves_(joints), from_(joints), actuator_(joints), accumulated_(joints, order, tick_length) {}
 
   Progress advance(double, std::int64_t tick, std::int64_t ticks, JointState& state, const double* actuator) override {
     Progress progress;
@@ -130,11 +126,15 @@ class FixedStep : public Motion {
       if (progress.outcome == Outcome::good)
         progress.outcome = judge(tick + progress.ticks, tick_length_, state, actuator, progress.joint);
       if (progress.outcome != Outcome::good) break;
+      if (coarse.joint < 0 && !accumulated_.over()) follow(tick + progress.ticks, state, actuator);
       std::swap(state, next_);
       ++counts.steps;
     }
     return progress;
   }
+
+  void forget() override { accumulated_.restart(); }
+  void forces_changed() override {}
 
   double look(std::int64_t tick, double offset, double limit, const JointState& state, const double* actuator,
               Progress& progress) override {
@@ -142,8 +142,10 @@ class FixedStep : public Motion {
     actuator_.assign(actuator, actuator + actuator_.size());
     ++counts.steps;
     outcome_ahead_ = step(from_, actuator, limit - offset, next_, joint_ahead_);
-    if (outcome_ahead_ == Outcome::good && first_not_finite(next_) < 0)
-      progress.outcome = judge(offset == 0.0 ? tick : 3, limit - offset, from_, actuator, progress.joint);
+    if (outcome_ahead_ != Outcome::good || first_not_finite(next_) >= 0) return limit;
+    progress.outcome = judge(offset == 0.0 ? tick : 3, limit - offset, from_, actuator, progress.joint);
+    if (offset != 0.0 || limit != tick_length_) accumulated_.skip();
+    else if (progress.outcome == Outcome::good && coarse.joint < 0 && !accumulated_.over()) follow(tick, from_, actuator);
     return limit;
   }
 
@@ -159,10 +161,30 @@ class FixedStep : public Motion {
   // One step of `length` s.
   virtual Outcome step(const JointState& state, const double* actuator, double length, JointState& next, int& joint) = 0;
 
+  // What a step leaves for the next one: not to be lost to steps that are only looked at.
+  virtual int known() const { return 0; }
+  virtual void know(int) {}
+
   const JointForces& forces_;
   const double tick_length_;
 
  private:
+  // Adds what the step from `state` to next_ is off; the tick at which all together are too far off is kept.
+  void follow(std::int64_t tick, const JointState& state, const double* actuator) {
+    const auto walk = [this](const JointState& from, const double* effort, double length, JointState& to) {
+      const Counts kept = counts;
+      const int known_before = known();
+      int joint = -1;
+      const bool good = step(from, effort, length, to, joint) == Outcome::good;
+      counts = kept, know(known_before);
+      return good;
+    };
+    int joint = -1;
+    if (!accumulated_.follow(state, next_, actuator, walk)) return;
+    const double error = accumulated_.largest(joint);
+    if (error > AccumulatedError::most) coarse = {tick, error, joint, true};
+  }
+
   // Of the step from `state` to next_ that tick `tick` begins with.
   Outcome judge(std::int64_t tick, double length, const JointState& state, const double* actuator, int& joint) {
     if (most_error_rate_ == 0.0) return Outcome::good;
@@ -200,7 +222,7 @@ class FixedStep : public Motion {
                                      length * std::fabs(next_.velocity[i] - halves_.velocity[i]));
       const double way = std::fabs(next_.position[i] - state.position[i]);
       if (!(error <= 1.0 + 0.1 * way)) return joint = static_cast<int>(i), Outcome::coarse;
-      if (coarse.joint < 0 && error > most_error_rate_ * length) coarse = {tick, error / length, static_cast<int>(i)};
+      if (coarse.joint < 0 && error > most_error_rate_ * length) coarse = {tick, error, static_cast<int>(i), false};
     }
     return Outcome::good;
   }
@@ -213,6 +235,7 @@ class FixedStep : public Motion {
   double offset_ = 0.0, ahead_ = 0.0;
   Outcome outcome_ahead_ = Outcome::good;
   int joint_ahead_ = -1;
+  AccumulatedError accumulated_;
 };
 
 }  // namespace planar_chain

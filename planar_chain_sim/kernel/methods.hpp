@@ -55,14 +55,14 @@ inline std::unique_ptr<Motion> make_motion(const MethodData& data, const Chain& 
                                                 const JointForces& forces, double step, bool dense) {
   if (data.family == "taylor") return make_taylor(data, chain, forces, step, dense);
   if (data.family == "semi-implicit") return std::make_unique<SemiImplicitEuler>(chain, form, forces, step);
-  if (data.family == "Gauss") return std::make_unique<Gauss>(chain, form, forces, data.tableau, step);
+  if (data.family == "Gauss") return std::make_unique<Gauss>(chain, form, forces, data.tableau, data.order, step);
   if (data.family == "Rosenbrock")
     return std::make_unique<Rosenbrock>(chain, form, forces, data.tableau, data.order, step, data.tolerance,
                                             data.fixed);
   if (data.adaptive)
     return std::make_unique<AdaptiveRungeKutta>(chain, form, forces, data.tableau, data.order, step,
                                                     data.tolerance, data.fixed);
-  return std::make_unique<ExplicitRungeKutta>(chain, form, forces, data.tableau, step);
+  return std::make_unique<ExplicitRungeKutta>(chain, form, forces, data.tableau, data.order, step);
 }
 
 }  // namespace planar_chain

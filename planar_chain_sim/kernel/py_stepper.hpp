@@ -75,12 +75,12 @@ class Stepper {
     return py::make_tuple(progress.ticks, static_cast<int>(progress.outcome), progress.joint);
   }
 
-  // Once, the first step that was seen to be far from right: (tick, error, rad or m a second, joint); else None.
+  // Once, the first step that was seen to be far from right: (tick, error, rad or m, joint, whether of all steps up to it); else None.
   py::object take_coarse_step() {
     const pc::CoarseStep& coarse = integrator_->coarse;
     if (told_ || coarse.joint < 0) return py::none();
     told_ = true;
-    return py::make_tuple(coarse.tick, coarse.error_rate, coarse.joint);
+    return py::make_tuple(coarse.tick, coarse.error, coarse.joint, coarse.summed);
   }
 
   // Goes on from `now`, at `tick` or behind it, to `time`, s, under the effort held; None when done, (outcome, joint) where it stopped before.

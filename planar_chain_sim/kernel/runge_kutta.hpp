@@ -104,8 +104,9 @@ class Stages {
 
 class ExplicitRungeKutta final : public FixedStep {
  public:
-  ExplicitRungeKutta(const Chain& chain, Form& form, const JointForces& forces, const Tableau& tableau, double step)
-      : FixedStep(forces, chain.joint_count, step, 0.03), a_(rows_of(tableau.a, tableau.stages)),
+  ExplicitRungeKutta(const Chain& chain, Form& form, const JointForces& forces, const Tableau& tableau, int order,
+                     double step)
+      : FixedStep(forces, chain.joint_count, order, step, 0.03), a_(rows_of(tableau.a, tableau.stages)),
         b_(tableau.b, tableau.stages, 0), stages_(chain, form, forces, tableau.stages) {}
 
  protected:

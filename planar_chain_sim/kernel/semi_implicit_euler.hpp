@@ -11,7 +11,7 @@ namespace planar_chain {
 class SemiImplicitEuler final : public FixedStep {
  public:
   SemiImplicitEuler(const Chain& chain, Form& form, const JointForces& forces, double step)
-      : FixedStep(forces, chain.joint_count, step, 0.3),  // its positions run half a step ahead, which does not add up
+      : FixedStep(forces, chain.joint_count, 1, step, 0.3),  // its positions run half a step ahead, which does not add up
         form_(form), turns_(chain), effort_(chain.joint_count),
         acceleration_(effort_), position_(effort_) {}
 
