@@ -1,8 +1,8 @@
 // How far a run of fixed steps has come from the true motion: an estimate beside it, which changes no bit of it.
 //
-// Ticks are looked at some at a time. The same way is gone once more by steps `ratio` times as long (Richardson): both ends
-// differ by (ratio^order - 1) times what the ticks are off. What was off before is carried on by going that way from a
-// state that is off so much in the same direction, as the tangent map would: chaos makes it grow, damping makes it fade.
+// Ticks are looked at some at a time. The same way is gone once more by steps `ratio` times as long (Richardson): both
+// ends differ by (ratio^order - 1) times what the ticks are off. What was off before is carried on by going that way
+// from a state that is off in the same direction, as the tangent map would: chaos makes it grow, damping makes it fade.
 #pragma once
 
 #include <algorithm>
@@ -31,13 +31,16 @@ class AccumulatedError {
   // From the next state on, which is taken for right.
   void restart() {
     left_ = horizon / tick_length_ + 0.5, ticks_ = first_, done_ = -1;
-    off_ = JointState(joints_), trusted_for_ = 0;
+    off_ = JointState(joints_), trusted_for_ = caution_left_ = 0, closed_ = false;
   }
 
   bool over() const { return left_ <= 0.0; }
 
-  // After a tick from `state` to `next`. `walk(state, actuator, length, next)` takes a step of another length; false where
-  // it cannot. True where the estimate has been made anew.
+  // Whether there is an estimate already and still.
+  bool followed() const { return closed_ && !over(); }
+
+  // After a tick from `state` to `next`. `walk(state, actuator, length, next)` takes a step of another length; false
+  // where it cannot. True where the estimate has been made anew.
   template <class Walk>
   bool follow(const JointState& state, const JointState& next, const double* actuator, Walk&& walk) {
     if (done_ < 0) begin(state);
@@ -63,7 +66,7 @@ class AccumulatedError {
 
  private:
   // Two ways that end so near to each other, rad or m, are the same motion.
-  static constexpr double near = 0.01;
+  static constexpr double near = 0.001;
   static constexpr std::int64_t most_ticks_ = 256;
 
   // As many as are 16 ms, a power of two.
@@ -87,19 +90,23 @@ class AccumulatedError {
       apart = go(from_, ratio, end_, walk) ? distance(next, end_) : HUGE_VAL;
       if (apart <= near || ratio < 1.0) break;
     }
+    closed_ = apart < HUGE_VAL;
+    if (!closed_) return;
+    // Of these ticks, before carry() goes another way.
     const double part = 1.0 / (std::pow(ratio, order_) - 1.0);
     for (int i = 0; i < joints_; ++i) {
-      fresh_.position[i] = apart < HUGE_VAL ? part * (end_.position[i] - next.position[i]) : 0.0;
-      fresh_.velocity[i] = apart < HUGE_VAL ? part * (end_.velocity[i] - next.velocity[i]) : 0.0;
+      fresh_.position[i] = part * (end_.position[i] - next.position[i]);
+      fresh_.velocity[i] = part * (end_.velocity[i] - next.velocity[i]);
     }
-    const double good = carry(ratio, walk);
+    const double good = carry(ratio, walk);  // up to which both can be trusted
     for (int i = 0; i < joints_; ++i) {
       off_.position[i] += fresh_.position[i];
       off_.velocity[i] += fresh_.velocity[i];
     }
-    // Longer ones, if they are going to be near still.
-    if (good < all) ticks_ = good < 1.0 ? 1 : static_cast<std::int64_t>(good);
-    else if (apart <= near / std::pow(2.0, order_ + 1) && ticks_ < most_ticks_) ticks_ *= 2;
+    --caution_left_;
+    // Longer ones, if they are going to be near still, and if it is not long ago that they were too long.
+    if (good < all) ticks_ = good < 1.0 ? 1 : static_cast<std::int64_t>(good), caution_left_ = caution;
+    else if (apart <= near / std::pow(2.0, order_ + 1) && ticks_ < most_ticks_ && caution_left_ <= 0) ticks_ *= 2;
   }
 
   static double shorter(double ratio) { return ratio > 2.0 ? 0.5 * ratio : 0.5; }
@@ -116,9 +123,9 @@ class AccumulatedError {
     return true;
   }
 
-  // Carries what is off along the way, of which end_ is the end by steps of that ratio; returns the ratio at which that can
-  // be trusted. A step too long for a stiff joint makes differences grow that the motion does not show: where they grow,
-  // steps half as long must tell the same.
+  // Carries what is off along the way, of which end_ is the end by steps of that ratio; returns the ratio at which that
+  // can be trusted. A step too long for a stiff joint makes differences grow that the motion does not show: where they
+  // grow, steps half as long must tell the same.
   template <class Walk>
   double carry(double ratio, Walk& walk) {
     const double size = largest_of(off_);
@@ -148,7 +155,7 @@ class AccumulatedError {
         if (same) break;
         wrong = ratio, ratio = finer;
       }
-      trusted_ = ratio, trusted_for_ = 16;
+      trusted_ = ratio, trusted_for_ = trust;
       if (wrong > 0.0) ratio = std::fmax(0.5, 0.5 * ratio);
     }
     std::swap(off_, carried_);
@@ -179,23 +186,28 @@ class AccumulatedError {
     double most = 0.0;
     for (std::size_t i = 0; i < a.position.size(); ++i) {
       const double apart = std::fabs(a.position[i] - b.position[i]);
-      if (!std::isfinite(apart)) return HUGE_VAL;
+      if (!std::isfinite(apart) || !std::isfinite(a.velocity[i] - b.velocity[i])) return HUGE_VAL;
       most = std::fmax(most, apart);
     }
     return most;
   }
 
+  // How long growth is trusted, and how long no more ticks are taken together after too many were: times of looking.
+  static constexpr int trust = 16, caution = 16;
+
   const int order_;
   const double tick_length_;
   const int joints_;
   const std::int64_t first_;
-  double left_ = 0.0;                        // ticks that are still followed
-  std::int64_t ticks_ = 1, done_ = -1;       // how many are looked at together; of them; -1: none has begun
-  JointState from_, end_, beside_, work_;
-  JointState off_, carried_, finer_, fresh_, beside_from_;
-  std::vector<double> effort_;               // the sum, then the mean
-  double trusted_ = 0.0;
-  int trusted_for_ = 0;
+  double left_ = 0.0;                      // ticks that are still followed
+  std::int64_t ticks_ = 1, done_ = -1;     // how many are looked at together, how many are done; -1: none has begun
+  bool closed_ = false;                    // whether any have been looked at
+  JointState from_, end_, beside_, work_;  // where they began, where longer steps lead from there, and from beside it
+  JointState off_, carried_, finer_;       // what the state is off; what of it is left a way later, and by finer steps
+  JointState fresh_, beside_from_;
+  std::vector<double> effort_;             // the sum, then the mean
+  double trusted_ = 0.0;                   // ratio up to which growth is trusted
+  int trusted_for_ = 0, caution_left_ = 0;
 };
 
 }  // namespace planar_chain

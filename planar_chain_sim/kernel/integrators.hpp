@@ -29,7 +29,7 @@ struct Progress {
   int joint = -1;
 };
 
-// Steps of fixed size that are far from right: at which tick it was seen, how far, rad or m, at which joint; -1: none was.
+// Steps of fixed size that are far from right: at which tick that was seen, how far, rad or m, at which joint; -1: none.
 struct CoarseStep {
   std::int64_t tick = 0;
   double error = 0.0;
@@ -65,7 +65,8 @@ inline int first_not_finite(const JointState& state) {
 class Integrator {
  public:
   Counts counts;
-  CoarseStep coarse;  // the first one
+  CoarseStep coarse;   // the first one
+  bool asked = true;   // whether anybody asks for it
 
   virtual ~Integrator() = default;
 
@@ -106,10 +107,10 @@ class Motion : public Integrator {
 
 // One step a tick. step() changes the state only if the outcome is good; else `joint` is why.
 //
-// Nothing controls the error of such steps. For the first seconds it is followed as it adds up (accumulated_error.hpp), and
-// now and then, and where velocities jump, one is compared with two half ones: the first that is far off is kept to be
-// warned of. Whether one ends the run, being violent and off by a whole rad or m, depends on that step alone: not on what
-// was looked at before, so that a restored run or a batch ends alike.
+// Nothing controls the error of such steps. For the first seconds it is followed as it adds up (accumulated_error.hpp);
+// later, now and then and where velocities jump, one is compared with two half ones. The first that is far off is kept
+// to be warned of. Whether one ends the run, being violent and off by a whole rad or m, depends on that step alone: not
+// on what was looked at before, so that a restored run or a batch ends alike.
 class FixedStep : public Motion {
  public:
   // `most_error_rate`: rad or m a second by which two half steps may differ; 0: the method finds by itself what is too long.
@@ -126,7 +127,7 @@ class FixedStep : public Motion {
       if (progress.outcome == Outcome::good)
         progress.outcome = judge(tick + progress.ticks, tick_length_, state, actuator, progress.joint);
       if (progress.outcome != Outcome::good) break;
-      if (coarse.joint < 0 && !accumulated_.over()) follow(tick + progress.ticks, state, actuator);
+      if (follows()) follow(tick + progress.ticks, state, actuator);
       std::swap(state, next_);
       ++counts.steps;
     }
@@ -145,7 +146,7 @@ class FixedStep : public Motion {
     if (outcome_ahead_ != Outcome::good || first_not_finite(next_) >= 0) return limit;
     progress.outcome = judge(offset == 0.0 ? tick : 3, limit - offset, from_, actuator, progress.joint);
     if (offset != 0.0 || limit != tick_length_) accumulated_.skip();
-    else if (progress.outcome == Outcome::good && coarse.joint < 0 && !accumulated_.over()) follow(tick, from_, actuator);
+    else if (progress.outcome == Outcome::good && follows()) follow(tick, from_, actuator);
     return limit;
   }
 
@@ -169,6 +170,8 @@ class FixedStep : public Motion {
   const double tick_length_;
 
  private:
+  bool follows() const { return asked && coarse.joint < 0 && !accumulated_.over(); }
+
   // Adds what the step from `state` to next_ is off; the tick at which all together are too far off is kept.
   void follow(std::int64_t tick, const JointState& state, const double* actuator) {
     const auto walk = [this](const JointState& from, const double* effort, double length, JointState& to) {
@@ -194,8 +197,8 @@ class FixedStep : public Motion {
       suspect |= jump * jump > suspect_jump * suspect_jump;
       violent |= jump * jump > violent_jump * violent_jump;
     }
-    const bool due =
-        coarse.joint < 0 && ((suspect != 0 && grows(tick, state)) || (tick & (tick - 1)) == 0 || tick % 256 == 0);
+    const bool due = asked && coarse.joint < 0 && !accumulated_.followed() &&
+                     ((suspect != 0 && grows(tick, state)) || (tick & (tick - 1)) == 0 || tick % 256 == 0);
     if (!due && violent == 0) return Outcome::good;
     const Outcome outcome = compare(tick, length, state, actuator, joint);
     return violent != 0 ? outcome : Outcome::good;
