@@ -29,7 +29,7 @@ struct Progress {
   int joint = -1;
 };
 
-// Steps of fixed size that are far from right: at which tick that was seen, how far, rad or m, at which joint; -1: none.
+// Steps of fixed size that are far from right: at which tick that was seen, how far, rad or m, at which joint, or -1.
 struct CoarseStep {
   std::int64_t tick = 0;
   double error = 0.0;

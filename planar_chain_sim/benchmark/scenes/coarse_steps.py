@@ -72,7 +72,8 @@ def found(chain: Chain, start, step: float, methods=FIXED) -> Iterator[Found]:
                     break
                 largest = max(largest, off.max())
                 if sure:
-                    yield Found(f'{chain.name} {method} {step:.3g} s, {seconds:g} s', off[-1].max(), largest, bool(told))
+                    what = f'{chain.name} {method} {step:.3g} s, {seconds:g} s'
+                    yield Found(what, off[-1].max(), largest, bool(told))
 
 
 def coarse_steps(size: float) -> Iterator[Check]:
@@ -84,7 +85,7 @@ def coarse_steps(size: float) -> Iterator[Check]:
     quiet = [run.what for run in runs if not (run.told or run.end <= OFF)]
     right = [run for run in runs if run.largest <= RIGHT]
     told = f' ({", ".join(quiet)})' if quiet else ''
-    yield Check(f'fixed steps of 1 ms to 1 s on random arms, {len(runs)} runs of 5 and 10 s: quietly off by 0.1 rad{told}',
-                0, len(quiet))
+    yield Check(f'fixed steps of 1 ms to 1 s on random arms, {len(runs)} runs of 5 and 10 s: '
+                f'quietly off by 0.1 rad{told}', 0, len(quiet))
     yield Check(f'part of the {len(right)} of them right to 1e-3 rad that are warned of', 0.02,
                 sum(run.told for run in right) / max(1, len(right)))
