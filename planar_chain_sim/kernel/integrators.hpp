@@ -108,7 +108,7 @@ class Motion : public Integrator {
 // One step a tick. step() changes the state only if the outcome is good; else `joint` is why.
 //
 // Nothing controls the error of such steps. For the first seconds it is followed as it adds up (accumulated_error.hpp);
-// later, now and then and where velocities jump, one is compared with two half ones. The first that is far off is kept
+// where velocities jump, and later now and then, one is compared with two half ones. The first that is far off is kept
 // to be warned of. Whether one ends the run, being violent and off by a whole rad or m, depends on that step alone: not
 // on what was looked at before, so that a restored run or a batch ends alike.
 class FixedStep : public Motion {
@@ -197,8 +197,8 @@ class FixedStep : public Motion {
       suspect |= jump * jump > suspect_jump * suspect_jump;
       violent |= jump * jump > violent_jump * violent_jump;
     }
-    const bool due = asked && coarse.joint < 0 && !accumulated_.followed() &&
-                     ((suspect != 0 && grows(tick, state)) || (tick & (tick - 1)) == 0 || tick % 256 == 0);
+    const bool now_and_then = !accumulated_.followed() && ((tick & (tick - 1)) == 0 || tick % 256 == 0);
+    const bool due = asked && coarse.joint < 0 && (now_and_then || (suspect != 0 && grows(tick, state)));
     if (!due && violent == 0) return Outcome::good;
     const Outcome outcome = compare(tick, length, state, actuator, joint);
     return violent != 0 ? outcome : Outcome::good;
