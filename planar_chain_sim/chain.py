@@ -78,6 +78,11 @@ class Chain:
         """Joint names in file order, the order of every array and message."""
         return tuple(joint.name for joint in self.joints)
 
+    @cached_property
+    def body_index(self) -> Mapping[str, int]:
+        """Index of each body by its name; of several with one name the first."""
+        return {body.name: index for index, body in reversed(tuple(enumerate(self.bodies)))}
+
     def body_of(self, joint: str) -> str:
         """Name of the body that the joint of this name moves."""
         return next(body.name for body in self.bodies for each in (body.slide, body.rotation)

@@ -1,9 +1,9 @@
-"""Forward and inverse dynamics, mass matrix and energy of a chain at one state: where arguments are checked."""
+"""Forward and inverse dynamics, mass matrix and energy of a chain at one state: asked of the kernel, refused here."""
 from __future__ import annotations
 
 import numpy as np
 
-from . import equations_of_motion
+from . import _kernel, equations_of_motion
 from .chain import Chain
 from .plan import plan_of
 
@@ -26,16 +26,7 @@ class SimulationError(RuntimeError):
 
 def joint_array(name: str, values, shape: tuple) -> np.ndarray:
     """`values` as finite C-ordered float64 of the wanted shape; ValueError names argument, got and wanted."""
-    try:
-        array = np.ascontiguousarray(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ValueError(f'{name} must be numbers of shape {shape}, got {values!r:.80}') from None
-    if array.shape != shape:
-        raise ValueError(f'{name} has shape {array.shape}, must have {shape}')
-    if not np.isfinite(array).all():
-        where = tuple(int(k) for k in np.argwhere(~np.isfinite(array))[0])
-        raise ValueError(f'{name}{list(where)} is {array[where]}, must be finite')
-    return array
+    return _kernel.finite_array(name, values, shape)
 
 
 def resolve_form(chain: Chain, form: str) -> str:
@@ -45,8 +36,13 @@ def resolve_form(chain: Chain, form: str) -> str:
     return plan_of(chain).form if form == 'auto' else form
 
 
-def _joint_arrays(chain: Chain, **arrays):
-    return [joint_array(name, values, (chain.joint_count,)) for name, values in arrays.items()]
+def no_acceleration(chain: Chain, joint: int, why: str, position, velocity) -> SimulationError:
+    """Return the error that names this joint, with the state as arrays."""
+    shape, name = (chain.joint_count,), chain.joint_names[joint]
+    body = chain.body_of(name)
+    return SimulationError(f"joint '{name}' of body '{body}' of {chain.name}: {why}", joint=name, body=body,
+                           position=joint_array('position', position, shape),
+                           velocity=joint_array('velocity', velocity, shape))
 
 
 def forward_dynamics(chain: Chain, position, velocity, effort, form: str = 'auto') -> np.ndarray:
@@ -58,17 +54,20 @@ def forward_dynamics(chain: Chain, position, velocity, effort, form: str = 'auto
     O(n^3); 'reference', (5.87) and (5.88) as matrices in NumPy; 'auto', what suits the chain's shape: the plan says.
     ValueError: bad shape, non-finite value, unknown form. SimulationError: singular configuration, names the joint.
     """
-    position, velocity, effort = _joint_arrays(chain, position=position, velocity=velocity, effort=effort)
-    form = resolve_form(chain, form)
-    acceleration, joint = plan_of(chain).model.forward_dynamics(position, velocity, effort, form == 'dense')
-    if joint < 0 and form == 'reference':
-        acceleration = equations_of_motion.forward_dynamics(chain, position, velocity, effort)
-    if joint >= 0 or not np.isfinite(acceleration).all():
-        name = chain.joint_names[joint if joint >= 0 else int(np.argmin(np.isfinite(acceleration)))]
-        why = 'the configuration is singular' if joint >= 0 else 'the acceleration is not finite'
-        body = chain.body_of(name)
-        raise SimulationError(f"joint '{name}' of body '{body}' of {chain.name}: {why}",
-                              joint=name, body=body, position=position, velocity=velocity)
+    plan = plan_of(chain)
+    if form == 'auto':
+        dense = plan.dense
+    else:
+        dense = resolve_form(chain, form) == 'dense'
+    acceleration, joint = plan.model.forward_dynamics(position, velocity, effort, dense)
+    if joint >= 0:
+        raise no_acceleration(chain, joint, 'the configuration is singular', position, velocity)
+    if form == 'reference':
+        acceleration = equations_of_motion.forward_dynamics(chain, *(
+            joint_array('', values, acceleration.shape) for values in (position, velocity, effort)))
+        joint = -1 if np.isfinite(acceleration).all() else -2 - int(np.argmin(np.isfinite(acceleration)))
+    if joint < -1:
+        raise no_acceleration(chain, -2 - joint, 'the acceleration is not finite', position, velocity)
     return acceleration
 
 
@@ -78,16 +77,16 @@ def inverse_dynamics(chain: Chain, position, velocity, acceleration) -> np.ndarr
 
     ValueError: bad shape or non-finite value.
     """
-    arrays = _joint_arrays(chain, position=position, velocity=velocity, acceleration=acceleration)
-    return plan_of(chain).model.inverse_dynamics(*arrays)
+    return plan_of(chain).model.inverse_dynamics(position, velocity, acceleration)
 
 
 def mass_matrix(chain: Chain, position) -> np.ndarray:
     """H (joints, joints) in joint coordinates, armature included; columns by equations.md 6.1. ValueError as above."""
-    return plan_of(chain).model.mass_matrix(*_joint_arrays(chain, position=position))
+    return plan_of(chain).model.mass_matrix(position)
 
 
 def energy(chain: Chain, position, velocity) -> tuple[float, float]:
     """Energies T with armature, V = -sum m g . r + springs, in J (equations.md 6.1). ValueError as above."""
-    kinetic, potential = plan_of(chain).model.energy(*_joint_arrays(chain, position=position, velocity=velocity))
-    return kinetic, potential + plan_of(chain).grounded_energy
+    plan = plan_of(chain)
+    kinetic, potential = plan.model.energy(position, velocity)
+    return kinetic, potential + plan.grounded_energy

@@ -1,7 +1,8 @@
 """METHODS: one row per integration method; the kernel runs explicit Runge-Kutta rows from their coefficients alone."""
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import cached_property
 from math import inf, log10, sqrt
 from typing import Optional
 
@@ -37,6 +38,41 @@ class Method:
     dense: tuple = ()
     c: tuple = ()
     gamma: float = 0.0
+
+    @cached_property
+    def stability_limits(self) -> tuple[float, float]:
+        """
+        How far the stability region of a fixed-step method reaches along the negative real and the imaginary axis.
+
+        In units of 1 / step; inf where it has no end or the step is the method's own. Of an explicit Runge-Kutta method
+        by its R(z) = 1 + z b (1 - z A)^-1 1, Hairer, Wanner, Solving ODEs II, (IV.2.2); of semi-implicit Euler 2 and 2.
+        """
+        if self.adaptive or self.family == 'Gauss':
+            return inf, inf
+        if self.family == 'semi-implicit':
+            return 2.0, 2.0
+
+        def growth(z):
+            stages = []
+            for row in self.a:
+                stages.append(1.0 + z * sum(a * stage for a, stage in zip(row, stages)))
+            return abs(1.0 + z * sum(b * stage for b, stage in zip(self.b, stages)))
+
+        def extent(direction):
+            reach = 0.0
+            while growth((reach + 1e-2) * direction) <= 1.0 + 1e-6:
+                reach += 1e-2
+            return reach
+        return extent(-1.0), extent(1j)
+
+    @cached_property
+    def tableau(self) -> _kernel.Tableau:
+        """The coefficients as the kernel takes them, matrices row by row."""
+        return _kernel.Tableau(len(self.b), *([x for row in rows for x in row] for rows in (
+            self.a, (self.b,), self.error, self.dense_a, self.dense, self.c)), self.gamma)
+
+    def __getstate__(self):
+        return {entry.name: getattr(self, entry.name) for entry in fields(self)}  # what is kept besides is made again
 
 
 _S = sqrt(15.0)
@@ -100,32 +136,6 @@ def choose_method(tolerance: float, damping_rate: float, joints: int) -> str:
     return STIFF if damping_rate > 2000.0 * dearer * (1e-6 / tolerance) ** 0.2 else 'taylor'
 
 
-def stability_limits(method: Method) -> tuple[float, float]:
-    """
-    Return how far a fixed-step method's stability region reaches along the negative real and the imaginary axis.
-
-    In units of 1 / step; inf where it has no end or the step is the method's own. Of an explicit Runge-Kutta method by
-    its R(z) = 1 + z b (1 - z A)^-1 1, Hairer, Wanner, Solving ODEs II, (IV.2.2); of semi-implicit Euler 2 and 2.
-    """
-    if method.adaptive or method.family == 'Gauss':
-        return inf, inf
-    if method.family == 'semi-implicit':
-        return 2.0, 2.0
-
-    def growth(z):
-        stages = []
-        for row in method.a:
-            stages.append(1.0 + z * sum(a * stage for a, stage in zip(row, stages)))
-        return abs(1.0 + z * sum(b * stage for b, stage in zip(method.b, stages)))
-
-    def extent(direction):
-        reach = 0.0
-        while growth((reach + 1e-2) * direction) <= 1.0 + 1e-6:
-            reach += 1e-2
-        return reach
-    return extent(-1.0), extent(1j)
-
-
 def taylor_order(tolerance: float) -> int:
     """
     Order of the series for a tolerance.
@@ -142,8 +152,5 @@ def method_data(method: Method, tolerance: Optional[float], fixed: float = 0.0):
 
     `fixed`, s: an adaptive method takes steps of this length instead of its own, so that its order can be measured.
     """
-    data = _kernel.MethodData(method.family, method.order or taylor_order(tolerance), method.adaptive, tolerance or 0.0,
-                              fixed)
-    data.set_tableau(len(method.b), *([x for row in rows for x in row] for rows in (
-        method.a, (method.b,), method.error, method.dense_a, method.dense, method.c)), method.gamma)
-    return data
+    return _kernel.MethodData(method.family, method.order or taylor_order(tolerance), method.adaptive, tolerance or 0.0,
+                              fixed, method.tableau)

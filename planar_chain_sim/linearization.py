@@ -6,8 +6,14 @@ from typing import NamedTuple
 import numpy as np
 
 from .chain import Chain
-from .dynamics import forward_dynamics, joint_array
+from .dynamics import no_acceleration
 from .plan import plan_of
+
+
+# In the order of `enum class Refusal` (kernel/py_model.hpp); a joint that stands still has a sentence of its own.
+_WHY_NOT = (None, 'the configuration is singular', 'the acceleration is not finite',
+            'the derivatives of the acceleration are not finite')
+_STANDS_STILL = len(_WHY_NOT)
 
 
 class Linearization(NamedTuple):
@@ -27,21 +33,15 @@ def linearize(chain: Chain, position, velocity, effort) -> Linearization:
         A = [[0, 1], [-H^-1 K, -H^-1 C]],   B = [[0], [H^-1]]
 
     K and C are the kernel's, in closed form (kernel/jacobian.hpp; as in Carpentier and Mansard, Analytical derivatives
-    of rigid body dynamics algorithms, 2018). At an equilibrium the eigenvalues of A are those of small oscillations.
+    of rigid body dynamics algorithms, 2018), and so are the products with H^-1, by the factors of the recursion
+    (kernel/response.hpp; equations.md 6.2). At an equilibrium the eigenvalues of A are those of small oscillations.
     Effort limits and stops are not known. ValueError: bad shape, non-finite value, a joint with friction that stands
     still, where Coulomb's law has no derivative. SimulationError: singular configuration.
     """
-    joints = chain.joint_count
-    position, velocity, effort = (joint_array(name, values, (joints,)) for name, values in (
-        ('position', position), ('velocity', velocity), ('effort', effort)))
-    for joint, rate in zip(chain.joints, velocity):
-        if joint.friction > 0.0 and rate == 0.0:
-            raise ValueError(f"velocity of joint '{joint.name}' is 0.0, must not be: its friction has no derivative "
-                             'where it stands still')
-    acceleration = forward_dynamics(chain, position, velocity, effort)
-    H, K, C = plan_of(chain).model.derivatives(position, velocity, acceleration)
-    rows = np.linalg.solve(H, np.hstack([-K, -C, np.eye(joints)]))
-    A, B = np.zeros((2 * joints, 2 * joints)), np.zeros((2 * joints, joints))
-    A[:joints, joints:] = np.eye(joints)
-    A[joints:], B[joints:] = rows[:, :2 * joints], rows[:, 2 * joints:]
+    A, B, refusal, joint = plan_of(chain).model.linearize(position, velocity, effort)
+    if refusal == _STANDS_STILL:
+        raise ValueError(f"velocity of joint '{chain.joint_names[joint]}' is 0.0, must not be: its friction has no "
+                         'derivative where it stands still')
+    if refusal:
+        raise no_acceleration(chain, joint, _WHY_NOT[refusal], position, velocity)
     return Linearization(A, B)

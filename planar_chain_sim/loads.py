@@ -2,9 +2,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import isfinite
 from typing import Mapping, NamedTuple
 
-from ._kernel import unit_vector
+from ._kernel import plane_vector
 from .chain import Body, Chain
 from .dynamics import joint_array
 from .plan import plan_of
@@ -24,17 +25,19 @@ def _number(name: str, value) -> float:
 
 def index_of(chain: Chain, body: str) -> int:
     """Return the index of a body by its name; ValueError names those there are."""
-    names = [each.name for each in chain.bodies]
-    if body not in names:
-        raise ValueError(f'body is {body!r:.80}, must be one of {", ".join(names[:32])}')
-    return names.index(body)
+    index = chain.body_index.get(body) if isinstance(body, str) else None
+    if index is None:
+        names = ', '.join(each.name for each in chain.bodies[:32])
+        raise ValueError(f'body is {body!r:.80}, must be one of {names}')
+    return index
 
 
 def checked_wrench(force, moment, axes: str) -> Wrench:
     """Return the wrench of force [x, y], moment and axes; ValueError: a number that is not finite, other axes."""
     if axes not in ('body', 'world'):
         raise ValueError(f"axes is {axes!r:.80}, must be 'body' or 'world'")
-    return Wrench(complex(*joint_array('force', force, (2,))), _number('moment', moment), axes)
+    force = plane_vector('force', force)
+    return Wrench(force, moment if type(moment) is float and isfinite(moment) else _number('moment', moment), axes)
 
 
 def on_links(chain: Chain, wrenches: Mapping[str, Wrench]) -> list[tuple]:
@@ -43,14 +46,15 @@ def on_links(chain: Chain, wrenches: Mapping[str, Wrench]) -> list[tuple]:
 
     One on a body that is welded to the base moves nothing and is left out.
     """
-    told = []
+    told, places = [], plan_of(chain).places
     for name, (force, moment, axes) in wrenches.items():
-        slot, point, angle = plan_of(chain).places[index_of(chain, name)]
-        if axes == 'body':   # about the link's joint point, so that its moment is a constant
-            force = force * unit_vector(angle)
+        slot, point, _, turn = places[chain.body_index[name]]
+        turns = axes == 'body'
+        if turns:   # about the link's joint point, so that its moment is a constant
+            force = force * turn
             moment, point = moment + (point.conjugate() * force).imag, 0j
         if slot:
-            told.append((slot, axes == 'body', point, force, moment))
+            told.append((slot, turns, point, force, moment))
     return told
 
 
@@ -61,7 +65,7 @@ def with_payload(chain: Chain, body: str, mass: float, position, inertia_com: fl
     ValueError: no such body, a name that a body has, a number that is not finite or too small.
     """
     carrier = index_of(chain, body)
-    place = complex(*joint_array('position', position, (2,)))
+    place = plane_vector('position', position)
     mass, inertia_com = _number('mass', mass), _number('inertia_com', inertia_com)
     if not mass > 0.0 or not inertia_com >= 0.0:
         raise ValueError(f'payload {name!r:.80} has a mass of {mass!r} kg and an inertia of {inertia_com!r} kg m^2, '

@@ -82,11 +82,12 @@ class Link:
 
 
 class Place(NamedTuple):
-    """Where a body's frame lies in its link's: slot of the link (0: base), joint point, m, and angle, rad."""
+    """Where a body's frame lies in its link's: slot (0: base), joint point, m, angle, rad, and `turn`, e^(j angle)."""
 
     slot: int
     position: complex
     angle: float
+    turn: complex
 
 
 def merge_welded(chain: Chain) -> tuple[list[Link], complex, list[Place]]:
@@ -100,13 +101,13 @@ def merge_welded(chain: Chain) -> tuple[list[Link], complex, list[Place]]:
     grounded = 0j
     placed: list[Place] = []
     for body in chain.bodies:
-        slot, position, angle = placed[body.carrier] if body.carrier != BASE else (0, 0j, 0.0)
-        origin = position + unit_vector(angle) * body.origin
+        slot, position, angle, carried = placed[body.carrier] if body.carrier != BASE else (0, 0j, 0.0, 1.0 + 0j)
+        origin = position + carried * body.origin
         own_angle = angle + body.angle
         turn = unit_vector(own_angle)
         moment = body.mass * turn * body.center_of_mass
         if body.slide is None and body.rotation is None:
-            placed.append(Place(slot, origin, own_angle))
+            placed.append(Place(slot, origin, own_angle, turn))
             if slot == 0:
                 grounded += body.mass * origin + moment
                 continue
@@ -117,5 +118,5 @@ def merge_welded(chain: Chain) -> tuple[list[Link], complex, list[Place]]:
             continue
         axis = unit_vector(angle + body.slide.axis) if body.slide is not None else 0j
         links.append(Link(slot, origin, axis, body.slide, body.rotation, body.mass, moment, body.inertia))
-        placed.append(Place(len(links), 0j, own_angle))
+        placed.append(Place(len(links), 0j, own_angle, turn))
     return links, grounded, placed

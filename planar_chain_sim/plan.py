@@ -8,7 +8,7 @@ import numpy as np
 
 from . import _kernel
 from .chain import Chain
-from .integrators import Method, stability_limits
+from .integrators import Method
 from .joint_forces import has_stop, JOINT_FORCES, teach_kernel
 from .path_matrix import merge_welded, Place
 
@@ -31,6 +31,7 @@ class Plan:
     why_form: str
     grounded_energy: float    # J, potential energy of bodies welded to the base, which the kernel never sees
     places: tuple[Place, ...]  # of the bodies, in file order
+    dense: bool               # whether `form` is 'dense'
 
     def __str__(self):
         return (f'{self.links} links, {self.joints} joints; '
@@ -65,10 +66,11 @@ def _kernel_model(chain: Chain, links) -> object:
 
 def plan_of(chain: Chain) -> Plan:
     """Return the chain's plan, made when it is first asked for and kept with the chain from then on."""
-    kept = vars(chain)   # a frozen dataclass lets its cache be written here, and pickles without it
-    if '_plan' not in kept:
-        kept['_plan'] = _make_plan(chain)
-    return kept['_plan']
+    kept = chain.__dict__   # a frozen dataclass lets its cache be written here, and pickles without it
+    plan = kept.get('_plan')
+    if plan is None:
+        plan = kept['_plan'] = _make_plan(chain)
+    return plan
 
 
 def _make_plan(chain: Chain) -> Plan:
@@ -92,8 +94,9 @@ def _make_plan(chain: Chain) -> Plan:
     model = _kernel_model(chain, links)
     if model.refined:
         used += ('iterative refinement',)
-    return Plan(model, len(links), chain.joint_count, used, skipped, *_choose_form(links, model.refined),
-                -(grounded * chain.gravity.conjugate()).real, tuple(places))
+    form, why_form = _choose_form(links, model.refined)
+    return Plan(model, len(links), chain.joint_count, used, skipped, form, why_form,
+                -(grounded * chain.gravity.conjugate()).real, tuple(places), form == 'dense')
 
 
 def _choose_form(links, refined: bool) -> tuple[str, str]:
@@ -137,19 +140,8 @@ def _largest_rate(chain: Chain, law: np.ndarray) -> tuple[float, int]:
     """Return the largest eigenvalue of H^-1 law, law (joints,) on the diagonal, and the joint that moves most in it."""
     if not law.any():
         return 0.0, 0
-    model, zero = plan_of(chain).model, np.zeros(chain.joint_count)
     position = np.array([joint.position for joint in chain.joints])
-    rest, singular = model.forward_dynamics(position, zero, zero)
-    rate, vector = 0.0, np.ones(chain.joint_count)
-    for _ in range(6):
-        size = np.abs(vector).max()
-        if singular >= 0 or not 0.0 < size < np.inf:
-            break
-        vector /= size
-        answer, singular = model.forward_dynamics(position, zero, law * vector)
-        vector = answer - rest
-        rate = float(np.abs(vector).max())
-    return (rate if np.isfinite(rate) else 0.0), int(np.argmax(np.abs(vector)))
+    return plan_of(chain).model.largest_rate(position, law)
 
 
 def step_limit(chain: Chain, method: Method) -> Optional[tuple[float, str]]:
@@ -159,7 +151,7 @@ def step_limit(chain: Chain, method: Method) -> Optional[tuple[float, str]]:
     By estimates of the fastest decay of dampers and oscillation of springs, and the method's stability region on the
     negative real and on the imaginary axis. None where nothing is stiff or the method has no such limit.
     """
-    real, imaginary = stability_limits(method)
+    real, imaginary = method.stability_limits
     limits = []
     for law, power, extent in (('damping', 1.0, real), ('stiffness', 0.5, imaginary)):
         rate, joint = _largest_rate(chain, np.array([getattr(joint, law) for joint in chain.joints]))

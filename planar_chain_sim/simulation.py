@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from math import isfinite, ulp
 from typing import Mapping, NamedTuple, Optional
 from warnings import warn
 
@@ -18,7 +19,8 @@ from .plan import damping_rate, plan_of, step_limit
 _WHY = (None, 'the configuration is singular', 'the state ran away and would not be finite',
         'the steps that the tolerance asks for have become too short to be taken',
         'the step is too long for the iteration that solves it',
-        'the step is too long, two half steps lead somewhere else')
+        'the step is too long, two half steps lead somewhere else',
+        'its events follow one another without time going on')
 
 
 # In the order of `enum class EventKind` (kernel/events.hpp).
@@ -52,13 +54,19 @@ def initial_state(chain: Chain) -> tuple[np.ndarray, np.ndarray]:
             np.array([joint.velocity for joint in chain.joints], dtype=np.float64))
 
 
+def beyond_stop(chain: Chain, index: int, position: float) -> ValueError:
+    """Return the error that names a joint and a position of it beyond one of its stops."""
+    joint = chain.joints[index]
+    return ValueError(f"position of joint '{joint.name}' of {chain.name} is {float(position)!r}, must lie "
+                      f'between its stops, {joint.lower!r} and {joint.upper!r}')
+
+
 def refuse_beyond_stops(chain: Chain, position: np.ndarray) -> None:
     """Raise ValueError that names the first joint of positions (..., joints) that lies beyond one of its stops."""
     for index, joint in enumerate(chain.joints):
         beyond = position[..., index][(position[..., index] < joint.lower) | (position[..., index] > joint.upper)]
         if beyond.size:
-            raise ValueError(f"position of joint '{joint.name}' of {chain.name} is {float(beyond.flat[0])!r}, must lie "
-                             f'between its stops, {joint.lower!r} and {joint.upper!r}')
+            raise beyond_stop(chain, index, beyond.flat[0])
 
 
 def resolve_method(chain: Chain, method: str, tolerance: Optional[float]):
@@ -100,7 +108,7 @@ class Simulation:
 
     def __init__(self, chain: Chain, method: str = 'auto', step: float = 1e-3, tolerance: Optional[float] = None,
                  form: str = 'auto'):
-        if not (isinstance(step, (int, float, np.floating)) and np.isfinite(step) and step > 0):
+        if not (isinstance(step, (int, float, np.floating)) and isfinite(step) and step > 0):
             raise ValueError(f'step is {step!r}, must be a positive finite number of seconds')
         if form == 'reference':
             raise ValueError("form is 'reference', must be 'auto', 'dense' or 'recursive': "
@@ -206,11 +214,9 @@ class Simulation:
 
         ValueError: bad arrays, a position beyond a stop.
         """
-        if not self._stepper.put_state(position, velocity):  # not yet what the kernel takes
-            shape = (self.chain.joint_count,)
-            position = joint_array('position', position, shape)
-            refuse_beyond_stops(self.chain, position)
-            self._stepper.put_state(position, joint_array('velocity', velocity, shape))
+        joint = self._stepper.put_state(position, velocity)
+        if joint >= 0:
+            raise beyond_stop(self.chain, joint, joint_array('position', position, (self.chain.joint_count,))[joint])
 
     def replace_chain(self, chain: Chain) -> None:
         """
@@ -245,7 +251,8 @@ class Simulation:
         """
         index_of(self.chain, body)
         wrench = checked_wrench(force, moment, axes)
-        wrenches = {name: other for name, other in self._wrenches.items() if name != body}
+        wrenches = dict(self._wrenches)
+        wrenches.pop(body, None)
         if wrench.force or wrench.moment:
             wrenches[body] = wrench
         self._put_wrenches(wrenches)
@@ -299,6 +306,8 @@ class Simulation:
         if stopped is False:  # not yet what the kernel takes
             ticks, effort, record = self._checked(ticks, effort, record)
             stopped = self._stepper.advance(self.time, self._tick, ticks, effort, record)
+            if stopped is False:   # nothing has moved, and nothing may count as done
+                raise ValueError(f'ticks {ticks!r}, effort {effort!r:.80} and record {record!r:.80} do not go together')
         done, *why = stopped or (ticks,)
         self._tick += done
         if done:
@@ -327,7 +336,10 @@ class Simulation:
             raise ValueError(f'ticks is {ticks!r}, must be a whole number >= 0')
         joints = self.chain.joint_count
         if effort is not None:
-            effort = joint_array('effort', effort, (joints,) if np.ndim(effort) == 1 else (ticks, joints))
+            effort = joint_array('effort', effort, (joints,) if _is_flat(effort) else (ticks, joints))
+        if record is not None and (not isinstance(record, (tuple, list)) or len(record) != 3
+                                   or not all(isinstance(rows, np.ndarray) for rows in record)):
+            raise ValueError(f'record is {record!r:.80}, must be three arrays, of position, velocity and effort')
         for rows in record or ():
             if rows.shape != (ticks, joints) or rows.dtype != np.float64 or not rows.flags.carray:
                 raise ValueError(f'record has an array of {rows.dtype} and shape {rows.shape}, '
@@ -408,10 +420,23 @@ def rollout(chain: Chain, duration: float, step: float = 1e-3, method: str = 'au
     return Run(np.arange(ticks + 1) * simulation.step, position, velocity, acted)
 
 
+def _is_flat(values) -> bool:
+    """Whether values are one row of numbers and not rows of rows."""
+    if isinstance(values, (list, tuple)) and values and isinstance(values[0], (float, int)):
+        return True
+    try:
+        return np.ndim(values) == 1
+    except ValueError:   # rows of different lengths
+        return False
+
+
 def whole_ticks(duration: float, step: float, name: str = 'duration') -> int:
     """`duration` / `step` where that is a whole number >= 0 up to rounding, else ValueError that calls it `name`."""
-    number = isinstance(duration, (int, float, np.integer, np.floating))
-    ticks = round(duration / step) if number and np.isfinite(duration) else -1
-    if ticks < 0 or abs(ticks * step - duration) > 1e-9 * step + 4.0 * np.spacing(abs(duration)):
+    if type(duration) is float and isfinite(duration):
+        ticks, spacing = round(duration / step), ulp(duration)
+    else:   # another kind of number, perhaps of fewer digits, or none
+        number = isinstance(duration, (int, float, np.integer, np.floating)) and np.isfinite(duration)
+        ticks, spacing = (round(duration / step), np.spacing(abs(duration))) if number else (-1, 0.0)
+    if ticks < 0 or abs(ticks * step - duration) > 1e-9 * step + 4.0 * spacing:
         raise ValueError(f'{name} is {duration!r} s, must be a whole number >= 0 of steps of {step!r} s')
     return ticks

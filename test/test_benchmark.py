@@ -34,7 +34,7 @@ def folder(tmp_path_factory):
     return made
 
 
-@pytest.mark.parametrize('suite', ['work-precision', 'step-time', 'scaling', 'skipping', 'energy'])
+@pytest.mark.parametrize('suite', ['work-precision', 'step-time', 'calls', 'scaling', 'skipping', 'energy'])
 def test_suite_writes_its_table(suite, folder):
     header, *rows = table_of(folder / f'{suite}.csv')
     assert rows and len(set(header)) == len(header) and all(len(row) == len(header) for row in rows)

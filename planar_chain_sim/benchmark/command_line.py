@@ -22,6 +22,7 @@ SUITES = {
     'work-precision': Suite('work_precision', 'CPU time against error on named problems, every method and every peer'),
     'references': Suite('references', 'where the named problems end, by two integrations in many digits; minutes'),
     'step-time': Suite('step_time', 'one evaluation and one step of serial chains of 1 to 512 links, with peers'),
+    'calls': Suite('calls', 'every call from Python against the time of its kernel, and Pinocchio called from Python'),
     'scaling': Suite('scaling', 'evaluation, load time and memory of serial chains of up to 4096 links'),
     'skipping': Suite('skipping', 'what each feature of a scene costs, and what its absence saves'),
     'batch': Suite('batch', 'many states at once: evaluations and steps per core-second, with peers'),

@@ -80,26 +80,29 @@ class AdaptiveStep : public Motion {
     return true;
   }
 
-  double look(std::int64_t tick, double offset, double limit, const JointState& state, const double* actuator,
-              Progress& progress) override {
+  double look(std::int64_t tick, double offset, double /*limit*/, const JointState& state, const double* actuator,
+              bool passed, Progress& progress) override {
     prepare(static_cast<double>(tick) * tick_length_ + offset, tick, state, actuator);
     if (length_ == 0.0) origin_offset_ = offset;   // not what is left of it in the sum
     shown_from_ = since_origin(tick);
-    double end;
-    while (!((end = (from_ + length_) - shown_from_) > offset)) {
+    if (length_ == 0.0 || passed || into_step(offset) >= length_) {
       progress.outcome = extend(progress.joint);
-      if (progress.outcome != Outcome::good) return offset;
+      if (progress.outcome != Outcome::good) return 0.0;
+      ++number;
     }
     progress.outcome = open(base_, progress.joint);
-    return std::fmin(limit, end);
+    return length_;
   }
 
-  Outcome show(double offset, JointState& out, int&) override {
-    read_at(shown_from_ + offset, out);
+  double into_step(double offset) const override { return ((shown_from_ + offset) - from_) - from_low_; }
+  double behind_tick(double into) const override { return (from_ + into) - shown_from_; }
+
+  Outcome show(double into, JointState& out, int&) override {
+    read_from_rest(into, base_, out);
     return Outcome::good;
   }
 
-  double stride() const override { return length_; }
+  bool reads_densely() const override { return true; }
 
   void forget() override { under_way_ = false; }
 
@@ -115,6 +118,7 @@ class AdaptiveStep : public Motion {
   void load(const std::vector<double>& all) override {
     under_way_ = all[0] != 0.0, origin_ = static_cast<std::int64_t>(all[1]), origin_offset_ = all[2];
     from_ = all[3], from_low_ = all[4], length_ = all[5], proposal_ = all[6];
+    ++number;
     const double* at = all.data() + 7;
     for (auto* part : {&base_.position, &base_.velocity, &base_.position_remainder, &base_.velocity_remainder,
                        &running_})
@@ -139,6 +143,9 @@ class AdaptiveStep : public Motion {
 
   // State at `offset` into the step that starts at `base`, as an unevaluated sum.
   virtual void read(double offset, const JointState& base, JointState& out) const = 0;
+
+  // The same with the right derivatives at the start, so that what sets out from rest goes where it is accelerated.
+  virtual void read_from_rest(double offset, const JointState& base, JointState& out) const { read(offset, base, out); }
 
   // |position| that a tolerance is relative to: whole turns do not make an angle less exact.
   double size_of_position(int joint, const JointState& state) const {

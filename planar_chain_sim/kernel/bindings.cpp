@@ -1,4 +1,5 @@
-// The border between Python and the kernel: NumPy arrays that Python has checked in, status codes out, no GIL held.
+// The border between Python and the kernel: numbers in, arrays and status codes out. Numbers are checked once:
+// py_arrays.hpp does it where calls are short; of batches and messages the caller has done it. Long calls hold no GIL.
 #include <complex>
 #include <cstdint>
 #include <string>
@@ -12,7 +13,7 @@
 #include "trigonometry.hpp"
 
 PYBIND11_MODULE(_kernel, module) {
-  module.doc() = "Compiled twin of equations_of_motion.py and joint_forces.py; arrays must be checked by the caller.";
+  module.doc() = "Compiled twin of equations_of_motion.py and joint_forces.py; batches are checked by the caller.";
   module.def("unit_vector", [](double angle) {
     double sine, cosine;
     pc::sine_cosine(angle, sine, cosine);
@@ -23,6 +24,18 @@ PYBIND11_MODULE(_kernel, module) {
 #else
   module.attr("compiler") = "unknown compiler";
 #endif
+
+  // `values` as finite C-ordered float64 of this shape; ValueError names argument, got and wanted.
+  module.def("finite_array", [](const std::string& name, const py::handle& values,
+                                const std::vector<py::ssize_t>& shape) {
+    return Numbers(name.c_str(), values, shape.data(), static_cast<int>(shape.size())).array();
+  });
+
+  // Two finite numbers [x, y] as x + j y.
+  module.def("plane_vector", [](const std::string& name, const py::handle& values) {
+    const Numbers given(name.c_str(), values, {2});
+    return std::complex<double>(given.data()[0], given.data()[1]);
+  });
 
   py::class_<Model>(module, "Model")
       .def(py::init<const Ints&, const Array&, std::tuple<double, double>, int>())
@@ -41,26 +54,33 @@ PYBIND11_MODULE(_kernel, module) {
            py::arg("dense") = false)
       .def("evaluate_repeatedly", &Model::evaluate_repeatedly, py::arg("position"), py::arg("velocity"),
            py::arg("effort"), py::arg("count"), py::arg("dense") = false)
+      .def("repeat", &Model::repeat)
+      .def("largest_rate", &Model::largest_rate)
       .def_property_readonly("refined", [](const Model& m) { return m.chain().refined; })
       .def("inverse_dynamics", &Model::inverse_dynamics)
       .def("mass_matrix", &Model::mass_matrix)
       .def("derivatives", &Model::derivatives)
-      .def("energy", &Model::energy);
+      .def("energy", py::overload_cast<const py::handle&, const py::handle&>(&Model::energy))
+      .def("linearize",
+           py::overload_cast<const py::handle&, const py::handle&, const py::handle&>(&Model::linearize));
 
   py::class_<StateBatch>(module, "StateBatch")
       .def(py::init<const Model&, const Array&, const Array&, const Array&, bool>(), py::keep_alive<1, 2>())
       .def("evaluate", &StateBatch::evaluate)
       .def("accelerations", &StateBatch::accelerations);
 
+  py::class_<pc::Tableau>(module, "Tableau")
+      .def(py::init([](int stages, std::vector<double> a, std::vector<double> b, std::vector<double> error,
+                       std::vector<double> dense_a, std::vector<double> dense, std::vector<double> c, double gamma) {
+        return pc::Tableau{stages, a, b, error, dense_a, dense, c, gamma};
+      }));
+
   py::class_<pc::MethodData>(module, "MethodData")
-      .def(py::init([](std::string family, int order, bool adaptive, double tolerance, double fixed) {
-        return pc::MethodData{family, order, adaptive, {}, tolerance, fixed};
-      }), py::arg("family"), py::arg("order"), py::arg("adaptive"), py::arg("tolerance"), py::arg("fixed") = 0.0)
-      .def("set_tableau", [](pc::MethodData& data, int stages, std::vector<double> a, std::vector<double> b,
-                             std::vector<double> error, std::vector<double> dense_a, std::vector<double> dense,
-                             std::vector<double> c, double gamma) {
-        data.tableau = {stages, a, b, error, dense_a, dense, c, gamma};
-      });
+      .def(py::init([](std::string family, int order, bool adaptive, double tolerance, double fixed,
+                       const pc::Tableau& tableau) {
+        return pc::MethodData{family, order, adaptive, tableau, tolerance, fixed};
+      }), py::arg("family"), py::arg("order"), py::arg("adaptive"), py::arg("tolerance"), py::arg("fixed") = 0.0,
+           py::arg("tableau") = pc::Tableau());
 
   py::class_<Stepper>(module, "Stepper")
       .def(py::init<const Model&, const pc::MethodData&, double, bool>(), py::keep_alive<1, 2>())

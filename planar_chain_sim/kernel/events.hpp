@@ -8,7 +8,10 @@
 //   a rate with friction falls to zero    it sticks, or goes on, or turns back
 //   lambda leaves its bounds              it slips, or leaves the stop
 //
-// What happens then is decided for all joints together (holding.hpp).
+// Each is the first time at which a watch, a smooth function, becomes negative (event_search.hpp). They are looked for
+// step by step of the method, not tick by tick. What happens then is decided for all joints together (holding.hpp), by
+// the numbers that the watches are made of: a joint stands where lambda is within its bounds but for twice what rounding
+// may do to it, and breaks away beyond four times that. So neither can call for the other at the same place.
 #pragma once
 
 #include <algorithm>
@@ -18,10 +21,11 @@
 #include <memory>
 #include <vector>
 
-#include "forms.hpp"
+#include "event_search.hpp"
+#include "hermite_step.hpp"
 #include "holding.hpp"
 #include "methods.hpp"
-#include "standing_joints.hpp"
+#include "moving_part.hpp"
 
 namespace planar_chain {
 
@@ -39,7 +43,8 @@ class EventDriven final : public Integrator {
  public:
   EventDriven(const Chain& chain, const JointForces& forces, const MethodData& method, double step, bool dense)
       : chain_(chain), forces_(forces), method_(method), step_(step), dense_(dense), joints_(chain.joint_count),
-        holding_(chain, forces), held_(joints_), acceleration_(joints_), kept_(joints_), full_(joints_) {}
+        holding_(chain, forces), part_(chain, forces), held_(joints_), lambda_(joints_), rounding_(joints_),
+        margin_(joints_), excess_(joints_), acceleration_(joints_), kept_(joints_), full_(joints_), standing_at_(joints_) {}
 
   std::deque<JointEvent> events;  // the newest most_kept, for whoever takes them
 
@@ -69,19 +74,21 @@ class EventDriven final : public Integrator {
     holding_.standing = other.holding_.standing, holding_.sign = other.holding_.sign;
     holding_.places = other.holding_.places, held_ = other.held_;
     under_way_ = changed_ = other.under_way_;
-    make_motion();
   }
 
+  // Whether anything goes on; then the actuators' efforts, of each joint whether it stands, which way it slides and by
+  // how much lambda may exceed its bounds, and the motion's own.
   std::vector<double> save() const override {
     std::vector<double> all = {!under_way_ ? 0.0 : changed_ ? 2.0 : 1.0};
     if (!under_way_) return all;
     all.insert(all.end(), held_.begin(), held_.end());
     for (int j = 0; j < joints_; ++j) all.push_back(holding_.standing[j] ? 1.0 : 0.0), all.push_back(holding_.sign[j]);
-    all.insert(all.end(), holding_.places.begin(), holding_.places.end());
-    if (motion_) {
-      const std::vector<double> ahead = motion_->save();
-      all.insert(all.end(), ahead.begin(), ahead.end());
-    }
+    all.insert(all.end(), excess_.begin(), excess_.end());
+    for (const auto* part : {&standing_at_.position, &standing_at_.position_remainder})
+      all.insert(all.end(), part->begin(), part->end());
+    if (changed_ || !motion_) return all;
+    const std::vector<double> ahead = motion_->save();
+    all.insert(all.end(), ahead.begin(), ahead.end());
     return all;
   }
 
@@ -91,7 +98,11 @@ class EventDriven final : public Integrator {
     const double* at = all.data() + 1;
     for (double& value : held_) value = *at++;
     for (int j = 0; j < joints_; ++j) holding_.standing[j] = *at++ != 0.0, holding_.sign[j] = *at++;
-    holding_.places.assign(at, at + joints_), at += joints_;
+    for (auto* part : {&excess_, &standing_at_.position, &standing_at_.position_remainder})
+      part->assign(at, at + joints_), at += joints_;
+    holding_.places = standing_at_.position;
+    if (changed_) return;
+    make_part();
     make_motion();
     if (motion_) motion_->load(std::vector<double>(at, all.data() + all.size()));
   }
@@ -106,17 +117,18 @@ class EventDriven final : public Integrator {
       if (!decided.begin(0, 0.0, start, actuator, progress)) return progress.joint;
       return decided.accelerate(start, actuator, acceleration);
     }
-    std::fill_n(acceleration, joints_, 0.0);
-    if (!motion_) return -1;
-    gather(state, moved_);
-    const int joint = accelerate(moved_);
-    for (std::size_t k = 0; k < part_.joints.size(); ++k) acceleration[part_.joints[k]] = of_moved_[k];
-    return joint < 0 ? -1 : part_.joints[joint];
+    part_.gather(state, moved_);
+    const int joint = part_.accelerate(moved_);
+    part_.spread(acceleration, joints_);
+    return joint < 0 ? -1 : part_.joint_of(joint);
   }
 
  private:
-  static constexpr int most_events = 20000;     // in a tick; more are no motion
   static constexpr std::size_t most_kept = 4096;
+
+  // So many events in so short a time, s, are no motion.
+  static constexpr int most_events = 1000;
+  static constexpr double least_time = 1e-9;
 
   // What must not become negative.
   struct Watch {
@@ -140,147 +152,231 @@ class EventDriven final : public Integrator {
     std::memcpy(held_.data(), actuator, held_.size() * sizeof(double));
     const bool known = under_way_;
     under_way_ = true, changed_ = false;
+    violated_.clear();
     return settle(tick, offset, state, known, progress);
   }
 
   bool run(std::int64_t tick, double from, double to, JointState& state, Progress& progress) {
-    double at = from;
-    for (int events_here = 0; at < to;) {
+    double at = from, since = from;
+    bool passed = false;
+    for (int happened = 0; at < to;) {
       if (!motion_) return true;               // everything stands, under efforts that do not change
-      gather(state, moved_);
-      const double end = motion_->look(tick, at, to, moved_, driven_.data(), progress);
+      part_.gather(state, moved_);
+      length_ = motion_->look(tick, at, to, moved_, part_.effort.data(), passed, progress);
       if (progress.outcome != Outcome::good) return failed(progress);
-      double happened = at;
-      if (!watch(at, end, happened, progress)) return failed(progress);
+      const double wanted = motion_->into_step(to);
+      passed = wanted > length_;
+      double into = passed ? length_ : wanted;
+      const Found found = watches_.empty() ? Found::nothing : watch(into, progress);
+      if (found == Found::failed || !(shown_ == into || show(into, located_, progress))) return failed(progress);
       counts = before_;
       counts.add(motion_->counts);
       if (coarse.joint < 0 && motion_->coarse.joint >= 0)
-        coarse = motion_->coarse, coarse.joint = part_.joints[coarse.joint];
-      scatter(moved_, state);
-      at = happened;
-      if (violated_.empty()) continue;
-      if (++events_here > most_events) return progress.outcome = Outcome::stalled, progress.joint = violated_[0].joint, false;
+        coarse = motion_->coarse, coarse.joint = part_.joint_of(coarse.joint);
+      part_.scatter(located_, state);
+      shown_ = none;
+      if (found == Found::nothing && !passed) return true;
+      at = std::fmin(to, std::fmax(at, motion_->behind_tick(into)));
+      if (found == Found::nothing) continue;
+      passed = false;
+      if (++happened % most_events == 0) {
+        if (at - since < least_time)
+          return progress.outcome = Outcome::endless_events, progress.joint = watches_[violated_[0]].joint, false;
+        since = at;
+      }
       if (!happen(tick, at, state, progress)) return false;
     }
     return true;
   }
 
   bool failed(Progress& progress) {
-    if (progress.joint >= 0 && progress.joint < static_cast<int>(part_.joints.size()))
-      progress.joint = part_.joints[progress.joint];
+    if (progress.joint >= 0 && progress.joint < part_.moving()) progress.joint = part_.joint_of(progress.joint);
     return false;
   }
 
-  // Goes on from moved_ at `from` to the first event, else to `to`; moved_ and `happened` are there, violated_ says what.
-  bool watch(double from, double to, double& happened, Progress& progress) {
-    violated_.clear();
-    const double stride = motion_->stride();
-    const int samples = to - from > 0.25 * stride ? static_cast<int>(std::ceil(4.0 * (to - from) / stride)) : 1;
-    double a = from;
-    for (int k = 1; k <= samples; ++k) {
-      double b = k == samples ? to : from + (to - from) * k / samples;
-      if (!show(b, later_, progress)) return false;
-      const bool bad = any_violated(later_, progress);
-      if (progress.outcome != Outcome::good) return false;
-      if (bad || dips(a, moved_, b, progress)) return locate(a, b, happened, progress);
-      if (progress.outcome != Outcome::good) return false;
-      std::swap(moved_, later_), a = b;
+  // Looks for the first event within `into` s of the step; if there is one, `into` is where, and violated_ says what.
+  Found watch(double& into, Progress& progress) {
+    if (number_ != motion_->number) {
+      number_ = motion_->number, searched_ = 0.0, violated_.clear();
+      if (!prepare_search(progress)) return Found::failed;
     }
-    happened = to;
+    while (violated_.empty() && searched_ < into) {
+      const double end = end_of_panel();
+      const auto evaluate = [&](double time, double* values) { return find_values(time, values, progress); };
+      Found found = search_.find(evaluate, searched_, end);
+      searched_ = found == Found::crossing ? search_.high : end;
+      if (found == Found::crossing) found = locate(progress);
+      if (found == Found::crossing && !motion_->reads_densely()) found = locate_by_steps(progress);
+      if (found == Found::failed) return found;
+    }
+    if (violated_.empty() || event_at_ > into) return Found::nothing;
+    into = event_at_;
+    return Found::crossing;
+  }
+
+  // A step is looked through in panels, each as long as all before, no farther ahead than needed. The first is short, for
+  // what has just begun; a step can be long beyond measure, as where nothing but gravity acts on a slide.
+  double end_of_panel() const {
+    if (!motion_->reads_densely()) return length_;
+    double end = std::fmin(0.0625 * length_, 4.0 * step_);
+    while (end <= searched_) end *= 2.0;
+    return std::fmin(end, length_);
+  }
+
+  // What a step needs to be looked through: the margin of lambda for rounding, and the ends to read between.
+  bool prepare_search(Progress& progress) {
+    if (!motion_->reads_densely() || holds_) {
+      if (!show(0.0, located_, progress) || !accelerate(located_, progress)) return false;
+      if (holds_) {
+        find_lambda(located_);
+        find_margin();
+      }
+      if (motion_->reads_densely()) return true;
+      between_.begin(located_, part_.acceleration);
+      if (!show(length_, later_, progress) || !accelerate(later_, progress)) return false;
+      between_.end(later_, part_.acceleration, length_);
+    }
     return true;
   }
 
-  // Halves [a, b], violated at b and not at a, down to two neighbouring times.
-  bool locate(double a, double b, double& happened, Progress& progress) {
-    for (;;) {
-      const double middle = a + 0.5 * (b - a);
-      if (!(middle > a && middle < b)) break;
-      if (!show(middle, later_, progress)) return false;
-      (any_violated(later_, progress) ? b : a) = middle;
-      if (progress.outcome != Outcome::good) return false;
-    }
-    if (!show(b, later_, progress)) return false;
-    any_violated(later_, progress, &violated_);
-    std::swap(moved_, later_);
-    happened = b;
-    return progress.outcome == Outcome::good;
+  // Values of all watches `time` s into the step: as it is read, or where that costs a step, between its ends.
+  bool find_values(double time, double* values, Progress& progress) {
+    if (!motion_->reads_densely()) between_.read(time, later_);
+    else if (!show(time, later_, progress)) return false;
+    return find_values_at(later_, values, progress);
   }
 
-  bool show(double offset, JointState& out, Progress& progress) {
-    progress.outcome = motion_->show(offset, out, progress.joint);
+  bool find_values_at(const JointState& moved, double* values, Progress& progress) {
+    if (holds_) {
+      if (!accelerate(moved, progress)) return false;
+      find_lambda(moved);
+    }
+    for (std::size_t w = 0; w < watches_.size(); ++w) values[w] = value(watches_[w], moved);
+    return true;
+  }
+
+  // From an interval in which some watches cross zero to the first crossing.
+  Found locate(Progress& progress) {
+    double low = search_.low, high = search_.high;
+    values_.assign(search_.high_values(), search_.high_values() + watches_.size());
+    violated_.clear();
+    std::vector<int> others = search_.crossing;
+    for (int w = others.back(); !others.empty();) {
+      others.erase(std::find(others.begin(), others.end(), w));
+      violated_.assign(1, w);
+      const double f_low = search_.low_values()[w];
+      if (f_low < 0.0) {
+        high = low;
+      } else {
+        double from = low;
+        const auto value = [&](double time, double& f) {
+          if (!find_values(time, values_.data(), progress)) return false;
+          return f = values_[w], true;
+        };
+        if (!EventSearch::close_in(value, from, f_low, high, values_[w])) return Found::failed;
+        if (!find_values(high, values_.data(), progress)) return Found::failed;
+      }
+      w = -1;
+      for (int other : others)
+        if (values_[other] < 0.0) w = other;
+      if (w < 0 || high == low) break;
+    }
+    for (int other : others)
+      if (values_[other] < 0.0) violated_.push_back(other);
+    event_at_ = high;
+    return Found::crossing;
+  }
+
+  // The same by steps that end there: the crossing between the ends is a first guess, secants do the rest.
+  Found locate_by_steps(Progress& progress) {
+    const int w = violated_[0];
+    const double guess = event_at_, reach = 1e-3 * (search_.high - search_.low);
+    if (!find_values(std::fmin(guess + reach, length_), values_.data(), progress)) return Found::failed;
+    double other = std::fmin(guess + reach, length_), f_other = values_[w], time = guess, f;
+    for (int rounds = 0; rounds < 6; ++rounds) {
+      if (!take_step(time, progress)) return Found::failed;
+      f = values_[w];
+      const double next = time - f * (time - other) / (f - f_other);
+      if (f == 0.0 || std::fabs(next - time) <= 1e-12 * length_) return settle_on(time);
+      other = time, f_other = f, time = next;
+      if (!(time >= search_.low && time <= search_.high)) break;
+    }
+    // Not that easily found: between a step that has not crossed and one that has.
+    double low = search_.low, high = search_.high;
+    if (!take_step(low, progress)) return Found::failed;
+    const double f_low = values_[w];
+    if (f_low < 0.0) return settle_on(low);
+    if (!take_step(high, progress)) return Found::failed;
+    if (!(values_[w] < 0.0)) return violated_.clear(), Found::nothing;
+    const auto value = [&](double at, double& there) {
+      if (!take_step(at, progress)) return false;
+      return there = values_[w], true;
+    };
+    if (!EventSearch::close_in(value, low, f_low, high, values_[w])) return Found::failed;
+    return take_step(high, progress) ? settle_on(high) : Found::failed;
+  }
+
+  // A step of `time` s to located_, and the watches there.
+  bool take_step(double time, Progress& progress) {
+    return show(time, located_, progress) && find_values_at(located_, values_.data(), progress);
+  }
+
+  Found settle_on(double time) {
+    const int w = violated_[0];
+    violated_.assign(1, w);
+    for (int other : search_.crossing)
+      if (other != w && values_[other] < 0.0) violated_.push_back(other);
+    event_at_ = shown_ = time;
+    return Found::crossing;
+  }
+
+  bool show(double into, JointState& out, Progress& progress) {
+    progress.outcome = motion_->show(into, out, progress.joint);
     if (progress.outcome != Outcome::good) return false;
     if ((progress.joint = first_not_finite(out)) < 0) return true;
     progress.outcome = Outcome::not_finite;
     return false;
   }
 
-  // A joint that at a and b is off its stop, but turned round between: b moves to where it is nearest, if beyond.
-  bool dips(double a, const JointState& at_a, double& b, Progress& progress) {
-    for (const Watch& watch : watches_) {
-      if (watch.kind != Watch::above_lower && watch.kind != Watch::below_upper) continue;
-      const double way = watch.kind == Watch::above_lower ? 1.0 : -1.0;
-      if (!(way * at_a.velocity[watch.index] < 0.0 && way * later_.velocity[watch.index] > 0.0)) continue;
-      double low = a, high = b;
-      for (int k = 0; k < 60; ++k) {
-        const double middle = low + 0.5 * (high - low);
-        if (!(middle > low && middle < high)) break;
-        if (!show(middle, turning_, progress)) return false;
-        if (value(watch, turning_) < 0.0) return b = middle, true;
-        (way * turning_.velocity[watch.index] < 0.0 ? low : high) = middle;
-      }
-    }
-    return false;
-  }
-
+  // A gap and a rate to all the digits that there are, for what has just begun.
   double value(const Watch& watch, const JointState& state) const {
+    const int j = watch.joint, k = watch.index;
     switch (watch.kind) {
-      case Watch::above_lower: return state.position[watch.index] - holding_.lower[watch.joint];
-      case Watch::below_upper: return holding_.upper[watch.joint] - state.position[watch.index];
-      case Watch::sliding: return holding_.sign[watch.joint] * state.velocity[watch.index];
-      case Watch::held_up: return holding_.most(watch.joint) - lambda_[watch.joint];
-      default: return lambda_[watch.joint] - holding_.least(watch.joint);
+      case Watch::above_lower: return (state.position[k] - holding_.lower[j]) + state.position_remainder[k];
+      case Watch::below_upper: return (holding_.upper[j] - state.position[k]) - state.position_remainder[k];
+      case Watch::sliding: return holding_.sign[j] * (state.velocity[k] + state.velocity_remainder[k]);
+      case Watch::held_up: return (holding_.most(j) - lambda_[j]) + margin_[j];
+      default: return (lambda_[j] - holding_.least(j)) + margin_[j];
     }
   }
 
-  bool any_violated(const JointState& state, Progress& progress, std::vector<Watch>* all = nullptr) {
-    if (holds_ && !find_lambda(state, progress)) return false;
-    bool found = false;
-    for (const Watch& watch : watches_) {
-      if (!(value(watch, state) < 0.0)) continue;
-      found = true;
-      if (all == nullptr) return true;
-      all->push_back(watch);
-    }
-    return found;
+  bool accelerate(const JointState& moved, Progress& progress) {
+    const int joint = part_.accelerate(moved);
+    progress.outcome = outcome_of(joint, moved.position.data(), part_.moving()), progress.joint = joint;
+    return joint < 0;
   }
 
-  // Accelerations of the moving part into of_moved_.
-  int accelerate(const JointState& moved) {
-    of_moved_.resize(part_.joints.size()), work_.assign(driven_.begin(), driven_.end());
-    part_.forces.add_passive(moved.position.data(), moved.velocity.data(), work_.data());
-    part_.forces.add_wrenches(moved.position.data(), moved.position_remainder.data(), work_.data());
-    return form_->forward(moved.position.data(), moved.velocity.data(), work_.data(), of_moved_.data());
-  }
-
-  // What holds the standing joints.
-  bool find_lambda(const JointState& moved, Progress& progress) {
-    const int joint = accelerate(moved);
-    if (joint >= 0) return progress.outcome = Outcome::singular, progress.joint = joint, false;
-    full_.position = holding_.places, std::fill(full_.velocity.begin(), full_.velocity.end(), 0.0);
-    scatter(moved, full_);
-    std::fill(acceleration_.begin(), acceleration_.end(), 0.0);
-    for (std::size_t k = 0; k < part_.joints.size(); ++k) acceleration_[part_.joints[k]] = of_moved_[k];
+  // After accelerate(): what holds the standing joints.
+  void find_lambda(const JointState& moved) {
+    part_.scatter(moved, full_);
+    part_.spread(acceleration_.data(), joints_);
     holding_.find_lambda(full_, acceleration_.data(), held_.data(), lambda_.data());
-    return true;
+  }
+
+  // After find_lambda(): by how much lambda has to exceed its bounds to break away.
+  void find_margin() {
+    holding_.find_rounding(full_, acceleration_.data(), lambda_.data(), rounding_.data());
+    for (int j = 0; j < joints_; ++j) margin_[j] = std::fmax(4.0 * rounding_[j], excess_[j]);
   }
 
   // The state is where something was violated: puts it right, and decides how it goes on.
   bool happen(std::int64_t tick, double offset, JointState& state, Progress& progress) {
-    for (const Watch& watch : violated_) {
+    for (int w : violated_) {
+      const Watch& watch = watches_[w];
       const int j = watch.joint;
       if (watch.kind == Watch::above_lower) state.position[j] = holding_.lower[j], state.position_remainder[j] = 0.0;
       if (watch.kind == Watch::below_upper) state.position[j] = holding_.upper[j], state.position_remainder[j] = 0.0;
-      if (watch.kind == Watch::sliding) state.velocity[j] = state.velocity_remainder[j] = 0.0;
+      if (watch.kind == Watch::sliding) Holding::put_rate(state, j, 0.0);
     }
     return settle(tick, offset, state, true, progress);
   }
@@ -291,7 +387,7 @@ class EventDriven final : public Integrator {
     const bool good = holding_.collide(state, held_.data(), touched, progress);
     for (const auto& [joint, speed] : touched) note({tick, offset, EventKind::touched, joint, speed});
     const std::vector<bool> stood = holding_.standing;
-    if (!good || !holding_.decide(state, held_.data(), progress)) return false;
+    if (!good || !decide(state, progress)) return false;
     for (int j = 0; j < joints_ && known; ++j) {
       const bool on_stop = holding_.on_stop(j, state.position[j]), stands = holding_.standing[j];
       if (stands && !stood[j] && !on_stop) note({tick, offset, EventKind::stuck, j, 0.0});
@@ -301,51 +397,94 @@ class EventDriven final : public Integrator {
     return true;
   }
 
-  // The moving part, its method from the start, and what is watched.
-  void make_motion() {
-    if (motion_) before_.add(motion_->counts);
-    motion_.reset(), form_.reset();
-    part_ = without_standing(chain_, forces_, holding_.standing, holding_.places.data());
-    part_.forces.chain = &part_.chain;
-    watches_.clear(), driven_.clear(), holds_ = false;
-    for (std::size_t k = 0; k < part_.joints.size(); ++k) {
-      const int j = part_.joints[k], index = static_cast<int>(k);
-      driven_.push_back(held_[j] - holding_.friction[j] * holding_.sign[j]);
-      if (holding_.lower[j] > -Holding::infinity) watches_.push_back({Watch::above_lower, j, index});
-      if (holding_.upper[j] < Holding::infinity) watches_.push_back({Watch::below_upper, j, index});
-      if (holding_.friction[j] > 0.0) watches_.push_back({Watch::sliding, j, index});
+  // Which joints stand, and which way the others begin to slide. The box problem knows but for rounding; here its answer
+  // is held against the numbers that the watches will see. A joint that broke away does slide.
+  bool decide(JointState& state, Progress& progress) {
+    const std::vector<Watch> was = watches_;
+    if (!holding_.decide(state, held_.data(), progress)) return false;
+    enum Choice : char { open, slides, stands };
+    std::vector<Choice> choice(static_cast<std::size_t>(joints_), open);
+    std::fill(excess_.begin(), excess_.end(), 0.0);
+    const auto let_slide = [&](int j, double sign) {
+      holding_.standing[j] = false, holding_.sign[j] = sign, choice[j] = slides;
+    };
+    for (int w : violated_)
+      if ((was[w].kind == Watch::held_up || was[w].kind == Watch::held_down) && state.velocity[was[w].joint] == 0.0)
+        let_slide(was[w].joint, was[w].kind == Watch::held_up ? -1.0 : 1.0);
+    standing_at_ = state;
+    for (bool changed = true; changed;) {
+      make_part();
+      if (holding_.still.empty()) return true;
+      part_.gather(state, moved_);
+      if (!accelerate(moved_, progress)) return failed(progress);
+      full_ = state;
+      find_lambda(moved_);
+      holding_.find_rounding(full_, acceleration_.data(), lambda_.data(), rounding_.data());
+      changed = false;
+      for (int j : holding_.still) {
+        if (holding_.standing[j]) {
+          const double excess = std::fmax(lambda_[j] - holding_.most(j), holding_.least(j) - lambda_[j]);
+          if (!(excess > 2.0 * rounding_[j])) continue;
+          if (choice[j] == stands) excess_[j] = 2.0 * excess;
+          else let_slide(j, lambda_[j] > holding_.most(j) ? -1.0 : 1.0), changed = true;
+        } else {
+          const double along = holding_.sign[j] * acceleration_[j];
+          if (along > (choice[j] == slides ? 0.0 : holding_.give[j] * holding_.rounding_of_size(j))) continue;
+          if (choice[j] == stands) continue;
+          holding_.standing[j] = true, holding_.sign[j] = 0.0, choice[j] = stands, changed = true;
+        }
+        if (changed) break;
+      }
     }
-    if (part_.joints.empty()) return;
+    return true;
+  }
+
+  // The moving part for what stands, which may be the one that there is.
+  void make_part() {
+    bool same = built_;
+    for (int j = 0; j < joints_ && same; ++j)
+      same = holding_.standing[j] == built_for_[j] &&
+             (!built_for_[j] || (built_at_.position[j] == standing_at_.position[j] &&
+                                 built_at_.position_remainder[j] == standing_at_.position_remainder[j]));
+    if (!same) {
+      drop_motion();
+      part_.build(holding_.standing, standing_at_, method_.family == "taylor", dense_);
+      built_ = true, built_for_ = holding_.standing, built_at_ = standing_at_;
+      for (JointState* moved : {&moved_, &later_, &located_}) *moved = JointState(part_.moving());
+    }
+    for (int k = 0; k < part_.moving(); ++k) {
+      const int j = part_.joint_of(k);
+      part_.effort[k] = held_[j] - holding_.friction[j] * holding_.sign[j];
+    }
+  }
+
+  void drop_motion() {
+    if (motion_) before_.add(motion_->counts);
+    motion_.reset();
+  }
+
+  // Its method from the start, and what is watched.
+  void make_motion() {
+    watches_.clear(), violated_.clear(), holds_ = false, number_ = -1, shown_ = none;
+    full_ = standing_at_;
+    for (int k = 0; k < part_.moving(); ++k) {
+      const int j = part_.joint_of(k);
+      if (holding_.lower[j] > -Holding::infinity) watches_.push_back({Watch::above_lower, j, k});
+      if (holding_.upper[j] < Holding::infinity) watches_.push_back({Watch::below_upper, j, k});
+      if (holding_.friction[j] > 0.0) watches_.push_back({Watch::sliding, j, k});
+    }
+    if (part_.moving() == 0) return drop_motion();
     for (int j = 0; j < joints_; ++j) {
       if (!holding_.standing[j]) continue;
+      full_.velocity[j] = full_.velocity_remainder[j] = 0.0;
       if (holding_.most(j) < Holding::infinity) watches_.push_back({Watch::held_up, j, -1});
       if (holding_.least(j) > -Holding::infinity) watches_.push_back({Watch::held_down, j, -1});
       holds_ = true;
     }
-    const int moving = static_cast<int>(part_.joints.size());
-    for (JointState* state : {&moved_, &later_, &turning_}) *state = JointState(moving);
-    lambda_.resize(joints_);
-    const bool dense = dense_ && (method_.family == "taylor" || SerialRecursion::holds_for(part_.chain));
-    form_ = make_form<double>(part_.chain, dense);
-    motion_ = planar_chain::make_motion(method_, part_.chain, *form_, part_.forces, step_, dense);
-  }
-
-  void gather(const JointState& state, JointState& moved) const {
-    for (std::size_t k = 0; k < part_.joints.size(); ++k) {
-      const int j = part_.joints[k];
-      moved.position[k] = state.position[j], moved.velocity[k] = state.velocity[j];
-      moved.position_remainder[k] = state.position_remainder[j];
-      moved.velocity_remainder[k] = state.velocity_remainder[j];
-    }
-  }
-
-  void scatter(const JointState& moved, JointState& state) const {
-    for (std::size_t k = 0; k < part_.joints.size(); ++k) {
-      const int j = part_.joints[k];
-      state.position[j] = moved.position[k], state.velocity[j] = moved.velocity[k];
-      state.position_remainder[j] = moved.position_remainder[k];
-      state.velocity_remainder[j] = moved.velocity_remainder[k];
-    }
+    search_.resize(static_cast<int>(watches_.size()));
+    values_.resize(watches_.size());
+    if (motion_) motion_->forget();
+    else motion_ = planar_chain::make_motion(method_, part_.chain(), part_.form(), part_.forces(), step_, part_.dense());
   }
 
   void note(const JointEvent& event) {
@@ -354,6 +493,8 @@ class EventDriven final : public Integrator {
     events.push_back(event);
   }
 
+  static constexpr double none = -1.0;
+
   const Chain& chain_;
   const JointForces& forces_;
   const MethodData method_;
@@ -361,17 +502,27 @@ class EventDriven final : public Integrator {
   const bool dense_;
   const int joints_;
   Holding holding_;
-  std::vector<double> held_;                                  // the actuators' efforts
   MovingPart part_;
-  std::unique_ptr<Form> form_;
   std::unique_ptr<Motion> motion_;                            // null where nothing moves
-  std::vector<double> driven_;                                // efforts on the moving part that do not change
-  std::vector<Watch> watches_, violated_;
-  bool holds_ = false, under_way_ = false, changed_ = false;  // the last: forces other than the actuators'
+  std::vector<double> held_;                                  // the actuators' efforts
+  bool under_way_ = false, changed_ = false;                  // the latter: forces other than the actuators'
   Counts before_;                                             // of motions that ended
-  JointState moved_{0}, later_{0}, turning_{0};
-  std::vector<double> lambda_, of_moved_, work_, acceleration_;
-  JointState kept_, full_;
+
+  std::vector<Watch> watches_;
+  bool holds_ = false;                                        // whether any of them is of lambda
+  EventSearch search_;
+  HermiteStep between_;
+  std::int64_t number_ = -1;                                  // of the step that is looked through
+  double length_ = 0.0, searched_ = 0.0, event_at_ = 0.0;     // s: of the step; into it, so far; of the event
+  double shown_ = none;                                       // s into the step where located_ is, if it is anywhere
+  std::vector<int> violated_;                                 // watches
+  std::vector<double> lambda_, rounding_, margin_, excess_;   // of the joints; see decide() for the last
+  std::vector<double> acceleration_, values_;
+  JointState moved_{0}, later_{0}, located_{0};               // of the moving part
+  JointState kept_, full_, standing_at_;                      // of all joints; the last: when that was decided
+  bool built_ = false;
+  std::vector<bool> built_for_;                               // what stood where the moving part was made
+  JointState built_at_{0};
 };
 
 inline std::unique_ptr<Integrator> make_integrator(const MethodData& method, const Chain& chain, Form& form,

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "integrators.hpp"
+#include "right_hand_side.hpp"
 #include "runge_kutta.hpp"
-#include "whole_turns.hpp"
 
 namespace planar_chain {
 
@@ -18,11 +18,12 @@ class Gauss final : public FixedStep {
  public:
   Gauss(const Chain& chain, Form& form, const JointForces& forces, const Tableau& tableau, int order,
         double step)
-      : FixedStep(forces, chain.joint_count, order, step, 0.0), form_(form), turns_(chain), length_(step),
+      : FixedStep(forces, chain.joint_count, order, step, 0.0), form_(form), right_hand_side_(chain, forces),
+        length_(step),
         joints_(chain.joint_count),
         stages_(tableau.stages), a_(tableau.a), b_(tableau.b), a_position_(a_.size()), b_position_(b_.size()),
         node_(b_.size()), accelerations_(static_cast<std::size_t>(stages_) * joints_), held_(joints_),
-        past_(2 * accelerations_.size()), position_(joints_), way_(joints_), velocity_(joints_), effort_(joints_),
+        past_(2 * accelerations_.size()), position_(joints_), way_(joints_), velocity_(joints_),
         acceleration_(joints_) {
     for (int i = 0; i < stages_; ++i)
       for (int l = 0; l < stages_; ++l) {
@@ -54,7 +55,7 @@ class Gauss final : public FixedStep {
  protected:
   Outcome step(const JointState& state, const double* actuator, double length, JointState& next, int& joint) override {
     if (length != tick_length_) known_ = 0;  // stages of whole steps say nothing of a part
-    length_ = length, far_ = turns_.find(state.position.data());
+    length_ = length, right_hand_side_.start(state.position.data());
     Outcome outcome = guess(state, actuator, joint);
     if (outcome != Outcome::good) return outcome;
     double before = 0.0;
@@ -159,13 +160,10 @@ class Gauss final : public FixedStep {
 
   // At position_, `way_` from that of the state, and velocity_.
   Outcome evaluate(const JointState& state, const double* actuator, int& joint) {
-    for (int k = 0; k < joints_; ++k) effort_[k] = actuator[k];
-    forces_.add_passive(position_.data(), velocity_.data(), effort_.data());
     ++counts.evaluations;
-    if (far_) turns_.leave_out(state.position.data(), way_.data(), position_.data());
-    forces_.add_wrenches(position_.data(), nullptr, effort_.data());
-    joint = form_.forward(position_.data(), velocity_.data(), effort_.data(), acceleration_.data());
-    return joint < 0 ? Outcome::good : singular_or_not_finite(position_.data(), joints_);
+    joint = right_hand_side_.accelerate(form_, state.position.data(), way_.data(), position_.data(), velocity_.data(),
+                                        actuator, acceleration_.data());
+    return outcome_of(joint, position_.data(), joints_);
   }
 
   // q_1 = q_0 + h v_0 + h^2 b^T A f,  v_1 = v_0 + h b^T f
@@ -188,15 +186,14 @@ class Gauss final : public FixedStep {
   static constexpr int most_rounds = 100, most_past = 2;
 
   Form& form_;
-  WholeTurns<double> turns_;
-  bool far_ = false;  // whether any joint has many turns behind it
+  RightHandSide right_hand_side_;
   double length_;
   const int joints_, stages_;
   const std::vector<double> a_, b_;
   std::vector<double> a_position_, b_position_, node_;
   std::vector<std::vector<double>> ahead_;
   std::vector<double> accelerations_, held_, past_;  // stages; the effort of the last steps; their stages
-  std::vector<double> position_, way_, velocity_, effort_, acceleration_;
+  std::vector<double> position_, way_, velocity_, acceleration_;
   int known_ = 0;  // how many steps past_ holds
   int worst_ = 0;
 };

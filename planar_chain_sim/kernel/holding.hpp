@@ -16,11 +16,24 @@
 #include "integrators.hpp"
 #include "joint_forces.hpp"
 #include "recursive.hpp"
+#include "right_hand_side.hpp"
 
 namespace planar_chain {
 
-// A rebound slower than this, rad/s or m/s, is none: infinitely many bounces end in rest.
-constexpr double rest_speed = 1e-5;
+// A rebound slower than this, rad/s or m/s, or over sooner than this, s, is none: infinitely many bounces end in rest.
+struct LeastRebound {
+  double speed, flight;
+
+  // Of a joint that is pressed against its stop with this acceleration.
+  double with(double acceleration) const { return std::fmax(speed, 0.5 * flight * acceleration); }
+};
+constexpr LeastRebound least_rebound{1e-5, 1e-6};
+// Where other joints rest on stops, which might throw each other off in turn as many times.
+constexpr LeastRebound least_rebound_of_many{1e-3, 3e-5};
+
+// s. Impacts within this time are one: one joint thrown against its stop by the impact of another can throw that back
+// infinitely often in no time.
+constexpr double at_once = 1e-8;
 
 class Holding {
  public:
@@ -30,12 +43,14 @@ class Holding {
   std::vector<bool> standing;
   std::vector<double> sign;    // of the rate that friction acts against
   std::vector<double> places;  // of the joints when that was decided
+  std::vector<int> still;      // joints without rate that friction or a stop may hold
+  std::vector<double> give;    // of those: acceleration per effort, (H^-1)_jj
 
   Holding(const Chain& chain, const JointForces& forces)
       : friction(chain.joint_count), lower(chain.joint_count, -infinity), upper(chain.joint_count, infinity),
         restitution(chain.joint_count), standing(chain.joint_count), sign(chain.joint_count), places(chain.joint_count),
-        forces_(forces), joints_(chain.joint_count), recursion_(chain), acceleration_(joints_), effort_(joints_),
-        answer_(joints_), unit_(joints_) {
+        give(chain.joint_count), chain_(chain), forces_(forces), joints_(chain.joint_count), recursion_(chain),
+        right_hand_side_(chain, forces), acceleration_(joints_), answer_(joints_), unit_(joints_), size_(joints_) {
     for (const auto& law : forces.frictions) friction[law.joint] = law.friction;
     for (const auto& law : forces.stops)
       lower[law.joint] = law.lower, upper[law.joint] = law.upper, restitution[law.joint] = law.restitution;
@@ -52,53 +67,56 @@ class Holding {
   // Impacts of all joints that are on a stop and move into it, together; which they were, and how fast, goes to `touched`.
   // `held`: efforts of the actuators.
   bool collide(JointState& state, const double* held, std::vector<std::pair<int, double>>& touched, Progress& progress) {
-    std::vector<int> touching;
-    std::vector<double> way;
-    bool gently = true;
+    touching_.clear(), way_.clear();
+    int resting = 0;
     for (int j = 0; j < joints_; ++j) {
       const double n = on_lower(j, state.position[j]) ? 1.0 : on_upper(j, state.position[j]) ? -1.0 : 0.0;
       if (n == 0.0 || n * state.velocity[j] > 0.0) continue;
-      touching.push_back(j), way.push_back(n);
-      if (state.velocity[j] == 0.0) continue;
-      gently = gently && std::fabs(state.velocity[j]) < rest_speed;
-      touched.emplace_back(j, std::fabs(state.velocity[j]));
+      touching_.push_back(j), way_.push_back(n);
+      if (state.velocity[j] == 0.0) ++resting;
+      else touched.emplace_back(j, std::fabs(state.velocity[j]));
     }
     if (touched.empty()) return true;
     if (!factorise(state, held, progress)) return false;
-    // An impact slower than rest_speed ends at once, and moves nothing that stands: else two joints on their stops might
-    // push each other off, weaker and weaker, for ever. It only takes energy, as a projection does.
+    // A gentle impact ends at once, and moves nothing that stands: else two joints on their stops might push each other
+    // off, weaker and weaker, for ever. It only takes energy, as a projection does.
+    bool gently = true;
+    for (std::size_t i = 0; i < touching_.size(); ++i) {
+      const int j = touching_[i];
+      const LeastRebound& least = resting > 0 ? least_rebound_of_many : least_rebound;
+      gently = gently && std::fabs(state.velocity[j]) <= least.with(-way_[i] * acceleration_[j]);
+    }
     if (gently)
       for (int j = 0; j < joints_; ++j)
-        if (standing[j] && state.velocity[j] == 0.0 && std::find(touching.begin(), touching.end(), j) == touching.end())
-          touching.push_back(j), way.push_back(1.0);
-    const std::size_t count = touching.size();
-    BoxProblem impact(count);
-    std::vector<double> target(count);
-    for (std::size_t i = 0; i < count; ++i) {
-      const int j = touching[i];
-      const double speed = way[i] * state.velocity[j], rebound = -restitution[j] * speed;
-      target[i] = rebound > rest_speed ? rebound : 0.0;
-      impact.b[i] = speed - target[i], impact.upper[i] = infinity, impact.lower[i] = gently ? -infinity : 0.0;
-      respond(j);
-      for (std::size_t k = 0; k < count; ++k) impact.W[k * count + i] = way[i] * way[k] * answer_[touching[k]];
+        if (standing[j] && state.velocity[j] == 0.0 &&
+            std::find(touching_.begin(), touching_.end(), j) == touching_.end())
+          touching_.push_back(j), way_.push_back(1.0);
+    const JointState before = state;
+    for (std::size_t count = 0; count < touching_.size();) {
+      count = touching_.size();
+      state = before;
+      strike(state, gently);
+      // Who is thrown at a stop so close that it is there at once belongs to this impact.
+      for (int j = 0; j < joints_; ++j) {
+        const double v = state.velocity[j], n = v < 0.0 ? 1.0 : -1.0, at = state.position[j];
+        const double gap = v < 0.0 ? at - lower[j] : upper[j] - at;
+        if (v == 0.0 || !(gap <= at_once * std::fabs(v))) continue;
+        if (std::find(touching_.begin(), touching_.end(), j) != touching_.end()) continue;
+        touching_.push_back(j), way_.push_back(n);
+        touched.emplace_back(j, std::fabs(v));
+      }
     }
-    impact.solve();
-    for (std::size_t i = 0; i < count; ++i) {
-      if (impact.x[i] == 0.0) continue;
-      respond(touching[i]);
-      for (int j = 0; j < joints_; ++j)
-        add_compensated(state.velocity[j], state.velocity_remainder[j], way[i] * impact.x[i] * answer_[j],
-                        state.velocity[j], state.velocity_remainder[j]);
-    }
-    for (std::size_t i = 0; i < count; ++i)
-      if (impact.at[i] == BoxProblem::At::inside)
-        state.velocity[touching[i]] = way[i] * target[i], state.velocity_remainder[touching[i]] = 0.0;
     return true;
   }
 
-  // Which of the joints without rate stand, and which way the others with friction slide.
+  static void put_rate(JointState& state, int joint, double rate) {
+    state.velocity[joint] = rate, state.velocity_remainder[joint] = 0.0;
+  }
+
+  // Which of the joints without rate stand, and which way the others with friction slide, but for rounding: whoever has
+  // the moving part's accelerations looks again.
   bool decide(const JointState& state, const double* held, Progress& progress) {
-    std::vector<int> still;
+    still.clear();
     for (int j = 0; j < joints_; ++j) {
       sign[j] = state.velocity[j] > 0.0 ? 1.0 : state.velocity[j] < 0.0 ? -1.0 : 0.0;
       if (sign[j] == 0.0 && (friction[j] > 0.0 || on_stop(j, state.position[j]))) still.push_back(j);
@@ -114,6 +132,7 @@ class Holding {
     for (std::size_t i = 0; i < count; ++i) {
       respond(still[i]);
       for (std::size_t k = 0; k < count; ++k) hold.W[k * count + i] = answer_[still[k]];
+      give[still[i]] = answer_[still[i]];
     }
     hold.solve();
     for (std::size_t i = 0; i < count; ++i) {
@@ -123,26 +142,81 @@ class Holding {
     return true;
   }
 
-  // lambda, of all joints, in a state where those that stand are at rest: inverse dynamics less the efforts that act.
+  // lambda of the joints at rest, in a state with these accelerations: inverse dynamics less the efforts that act.
   void find_lambda(const JointState& state, const double* acceleration, const double* held, double* lambda) {
-    recursion_.inverse(state.position.data(), state.velocity.data(), acceleration, true, lambda);
-    std::copy_n(held, joints_, effort_.begin());
-    for (const auto& law : forces_.springs) effort_[law.joint] -= law.stiffness * (state.position[law.joint] - law.rest);
-    forces_.add_wrenches(state.position.data(), nullptr, effort_.data());
-    for (int j = 0; j < joints_; ++j) lambda[j] -= effort_[j];
+    const double* effort = right_hand_side_.efforts(state, held);
+    const JointState& near = right_hand_side_.near();
+    recursion_.inverse(near.position.data(), near.velocity.data(), acceleration, true, lambda);
+    for (int j = 0; j < joints_; ++j) lambda[j] -= effort[j];
+  }
+
+  // After find_lambda() with the same arguments: how far rounding may have carried each lambda. Of n numbers of a size
+  // the sum is off by at most n eps times that (Higham, Accuracy and Stability, 3.1); there are some ten for a link, and
+  // a few more in each number. Nothing where nothing was rounded: efforts alone are compared to the last bit.
+  void find_rounding(const JointState& state, const double* acceleration, const double* lambda,
+                     double* rounding_of) {
+    recursion_.sizes(state.velocity.data(), acceleration, true, size_.data());
+    for (const auto& law : forces_.springs)
+      if (law.stiffness * (state.position[law.joint] - law.rest) != 0.0)
+        size_[law.joint] += law.stiffness * (std::fabs(state.position[law.joint]) + std::fabs(law.rest));
+    for (const Wrench& wrench : forces_.wrenches) add_size(wrench, state);
+    for (int j = 0; j < joints_; ++j)
+      rounding_of[j] =
+          size_[j] == 0.0 ? 0.0 : rounding(size_[j]) + std::numeric_limits<double>::epsilon() * std::fabs(lambda[j]);
+  }
+
+  // Of joint j, in the balance of efforts alone.
+  double rounding_of_size(int j) const { return rounding(size_[j]); }
+
+  double rounding(double size) const {
+    return (16.0 + 10.0 * chain_.link_count()) * std::numeric_limits<double>::epsilon() * size;
   }
 
  private:
+  // After factorise(): the impact of touching_ changes the velocities.
+  void strike(JointState& state, bool gently) {
+    const std::size_t count = touching_.size();
+    BoxProblem impact(count);
+    std::vector<double> target(count);
+    for (std::size_t i = 0; i < count; ++i) {
+      const int j = touching_[i];
+      const double speed = way_[i] * state.velocity[j], rebound = -restitution[j] * speed;
+      target[i] = rebound > least_rebound.with(-way_[i] * acceleration_[j]) && !gently ? rebound : 0.0;
+      impact.b[i] = speed - target[i], impact.upper[i] = infinity, impact.lower[i] = gently ? -infinity : 0.0;
+      respond(j);
+      for (std::size_t k = 0; k < count; ++k) impact.W[k * count + i] = way_[i] * way_[k] * answer_[touching_[k]];
+    }
+    impact.solve();
+    const std::vector<double> before = state.velocity;
+    double size = 0.0;
+    for (std::size_t i = 0; i < count; ++i) {
+      if (impact.x[i] == 0.0) continue;
+      respond(touching_[i]);
+      double largest = 0.0;
+      for (int j = 0; j < joints_; ++j) {
+        const double change = way_[i] * impact.x[i] * answer_[j];
+        add_compensated(state.velocity[j], state.velocity_remainder[j], change, state.velocity[j],
+                        state.velocity_remainder[j]);
+        largest = std::fmax(largest, std::fabs(change));
+      }
+      size += largest;
+    }
+    // A joint at rest that the impacts do not move stays at rest, whatever rounding makes of it.
+    for (int j = 0; j < joints_; ++j)
+      if (before[j] == 0.0 && std::fabs(state.velocity[j]) <= rounding(size)) put_rate(state, j, 0.0);
+    // None goes on into its stop.
+    for (std::size_t i = 0; i < count; ++i)
+      if (impact.at[i] == BoxProblem::At::inside || way_[i] * state.velocity[touching_[i]] < target[i])
+        put_rate(state, touching_[i], way_[i] * target[i]);
+  }
+
   // Factors of the mass matrix of all joints, and the accelerations that they would have with nothing held.
   bool factorise(const JointState& state, const double* held, Progress& progress) {
-    std::copy_n(held, joints_, effort_.begin());
-    forces_.add_passive(state.position.data(), state.velocity.data(), effort_.data());
-    forces_.add_wrenches(state.position.data(), state.position_remainder.data(), effort_.data());
-    const int joint = recursion_.evaluate(state.position.data(), state.velocity.data(), effort_.data(),
-                                          acceleration_.data());
-    if (joint < 0) return true;
-    progress.outcome = singular_or_not_finite(state.position.data(), joints_), progress.joint = joint;
-    return false;
+    const double* effort = right_hand_side_.efforts(state, held);
+    const JointState& near = right_hand_side_.near();
+    const int joint = recursion_.evaluate(near.position.data(), near.velocity.data(), effort, acceleration_.data());
+    progress.outcome = outcome_of(joint, near.position.data(), joints_), progress.joint = joint;
+    return joint < 0;
   }
 
   // answer_ <- column j of the inverse mass matrix.
@@ -152,10 +226,26 @@ class Holding {
     unit_[j] = 0.0;
   }
 
+  // What a wrench adds to the sizes of the joints on its path: the force on all arms, and the moment.
+  void add_size(const Wrench& wrench, const JointState& state) {
+    const double force = std::fabs(wrench.force_x) + std::fabs(wrench.force_y);
+    double arm = std::fabs(wrench.point_x) + std::fabs(wrench.point_y);
+    for (int i = wrench.link; i > 0; i = chain_.links[i].carrier) {
+      const Link& link = chain_.links[i];
+      if (link.turns()) size_[link.rotation] += force * arm + std::fabs(wrench.moment);
+      if (link.slides()) size_[link.slide] += force, arm += std::fabs(state.position[link.slide]);
+      arm += std::fabs(link.offset_x) + std::fabs(link.offset_y);
+    }
+  }
+
+  const Chain& chain_;
   const JointForces& forces_;
   const int joints_;
   Recursion recursion_;
-  std::vector<double> acceleration_, effort_, answer_, unit_;
+  RightHandSide right_hand_side_;
+  std::vector<double> acceleration_, answer_, unit_, size_;
+  std::vector<int> touching_;   // joints of an impact
+  std::vector<double> way_;     // off their stops, +1 or -1
 };
 
 }  // namespace planar_chain

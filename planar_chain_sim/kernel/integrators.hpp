@@ -21,7 +21,7 @@ inline void add_compensated(const Real& value, const Real& remainder, const Real
   sum = whole;
 }
 
-enum class Outcome { good, singular, not_finite, stalled, too_long, coarse };
+enum class Outcome { good, singular, not_finite, stalled, too_long, coarse, endless_events };
 
 struct Progress {
   std::int64_t ticks = 0;
@@ -96,13 +96,22 @@ class Integrator {
 // An integrator of smooth motion, which events may cut short (events.hpp).
 class Motion : public Integrator {
  public:
-  // The motion from `state`, `offset` s behind `tick`: up to which offset, at most `limit`, show() can tell where it is.
+  // Makes sure of a step that goes on from `offset` s behind `tick`, where `state` is: the one under way, or, where that
+  // has been `passed`, the next. Returns its length, s; progress.outcome tells why there is none.
   virtual double look(std::int64_t tick, double offset, double limit, const JointState& state, const double* actuator,
-                      Progress& progress) = 0;
-  virtual Outcome show(double offset, JointState& out, int& joint) = 0;
+                      bool passed, Progress& progress) = 0;
 
-  // s, of which the motion is much the same polynomial.
-  virtual double stride() const = 0;
+  // Between s behind that tick and s into that step.
+  virtual double into_step(double offset) const = 0;
+  virtual double behind_tick(double into) const = 0;
+
+  // Where the motion is `into` s into that step.
+  virtual Outcome show(double into, JointState& out, int& joint) = 0;
+
+  // Whether show() costs little; else it is another step.
+  virtual bool reads_densely() const = 0;
+
+  std::int64_t number = 0;  // of steps that look() has gone on to
 };
 
 // One step a tick. step() changes the state only if the outcome is good; else `joint` is why.
@@ -138,25 +147,29 @@ class FixedStep : public Motion {
   void forces_changed() override {}
 
   double look(std::int64_t tick, double offset, double limit, const JointState& state, const double* actuator,
-              Progress& progress) override {
-    from_ = state, offset_ = offset, ahead_ = limit;
+              bool /*passed*/, Progress& progress) override {
+    from_ = state, offset_ = offset, ahead_ = limit - offset;
     actuator_.assign(actuator, actuator + actuator_.size());
-    ++counts.steps;
-    outcome_ahead_ = step(from_, actuator, limit - offset, next_, joint_ahead_);
-    if (outcome_ahead_ != Outcome::good || first_not_finite(next_) >= 0) return limit;
-    progress.outcome = judge(offset == 0.0 ? tick : 3, limit - offset, from_, actuator, progress.joint);
+    ++number, ++counts.steps;
+    outcome_ahead_ = step(from_, actuator, ahead_, next_, joint_ahead_);
+    if (outcome_ahead_ != Outcome::good || first_not_finite(next_) >= 0) return ahead_;
+    progress.outcome = judge(offset == 0.0 ? tick : 3, ahead_, from_, actuator, progress.joint);
     if (offset != 0.0 || limit != tick_length_) accumulated_.skip();
     else if (progress.outcome == Outcome::good && follows()) follow(tick, from_, actuator);
-    return limit;
+    return ahead_;
   }
 
-  Outcome show(double offset, JointState& out, int& joint) override {
-    if (offset == ahead_) return out = next_, joint = joint_ahead_, outcome_ahead_;
-    ++counts.steps;
-    return step(from_, actuator_.data(), offset - offset_, out, joint);
+  double into_step(double offset) const override { return offset - offset_; }
+  double behind_tick(double into) const override { return offset_ + into; }
+
+  Outcome show(double into, JointState& out, int& joint) override {
+    if (into == ahead_) return out = next_, joint = joint_ahead_, outcome_ahead_;
+    if (into == 0.0) return out = from_, Outcome::good;
+    ++counts.rejected_steps;   // one of these takes the place of the whole step
+    return step(from_, actuator_.data(), into, out, joint);
   }
 
-  double stride() const override { return tick_length_; }
+  bool reads_densely() const override { return false; }
 
  protected:
   // One step of `length` s.

@@ -31,16 +31,24 @@ class Jacobian {
         chain_(chain), forces_(forces), joints_(chain.joint_count), links_(chain.links.size()) {}
 
   void compute(const double* position, const double* velocity, const double* acceleration) {
-    move(position, velocity, acceleration);
-    gather();
+    compute_derivatives(position, velocity, acceleration);
     for (int i = 1; i <= chain_.link_count(); ++i) {
       Vec reach;  // P_i - P_j
-      for (int j = i; j > 0; reach = reach + links_[j].lever, j = chain_.links[j].carrier) couple(i, j, reach);
-    }
-    for (int i = 1; i <= chain_.link_count(); ++i) {
+      for (int j = i; j > 0; reach = reach + links_[j].lever, j = chain_.links[j].carrier) couple_masses(i, j, reach);
       const Link& link = chain_.links[i];
       if (link.turns()) mass[at(link.rotation, link.rotation)] += link.rotor;
       if (link.slides()) mass[at(link.slide, link.slide)] += link.slide_armature;
+    }
+  }
+
+  // The same without `mass`, for those who have H otherwise.
+  void compute_derivatives(const double* position, const double* velocity, const double* acceleration) {
+    move(position, velocity, acceleration);
+    gather();
+    for (int i = 1; i <= chain_.link_count(); ++i) {
+      const Effects effects = effects_of(i);
+      Vec reach;  // P_i - P_j
+      for (int j = i; j > 0; reach = reach + links_[j].lever, j = chain_.links[j].carrier) couple(i, j, reach, effects);
     }
     for (const auto& law : forces_.dampers) by_velocity[at(law.joint, law.joint)] += law.damping;
     for (const auto& law : forces_.springs) by_position[at(law.joint, law.joint)] += law.stiffness;
@@ -62,6 +70,12 @@ class Jacobian {
   struct Effect {
     Vec force;
     double torque;
+  };
+
+  // Of one link's rotation and slide and of their rates, and what a slide adds to the torque at a carrier's.
+  struct Effects {
+    Effect turned{}, turning{}, slid{}, sliding{};
+    double grown = 0.0;
   };
 
   std::size_t at(int row, int column) const { return static_cast<std::size_t>(row) * joints_ + column; }
@@ -117,38 +131,54 @@ class Jacobian {
     }
   }
 
-  // All entries between the joints of link i and those of link j, which carries it or is i itself.
-  void couple(int i, int j, Vec reach) {
+  // What the joints of link i do to those inboard.
+  Effects effects_of(int i) const {
+    const Motion& s = links_[i];
+    Effects effects;
+    effects.turned = {perp(s.force - s.mass * s.acceleration), -dot(s.moment, s.acceleration)};
+    effects.turning = {2.0 * perp(s.momentum - s.mass * s.velocity),
+                       2.0 * (s.moment_of_velocity - dot(s.moment, s.velocity))};
+    if (chain_.links[i].slides()) {
+      effects.slid = uniform(s, s.slid), effects.sliding = uniform(s, s.sliding);
+      effects.grown = dot(perp(s.axis), s.force);
+    }
+    return effects;
+  }
+
+  // All derivatives between the joints of link i and those of link j, which carries it or is i itself.
+  void couple(int i, int j, Vec reach, const Effects& effects) {
     const Link &outer = chain_.links[i], &inner = chain_.links[j];
     const Motion &s = links_[i], &p = links_[j];
     if (outer.turns()) {
-      const int k = outer.rotation;
-      set(mass, inner, p, k, outer.sign, reach, {perp(s.moment), s.inertia});
-      set(by_position, inner, p, k, outer.sign, reach,
-          {perp(s.force - s.mass * s.acceleration), -dot(s.moment, s.acceleration)});
-      set(by_velocity, inner, p, k, outer.sign, reach,
-          {2.0 * perp(s.momentum - s.mass * s.velocity), 2.0 * (s.moment_of_velocity - dot(s.moment, s.velocity))});
+      set(by_position, inner, p, outer.rotation, outer.sign, reach, effects.turned);
+      set(by_velocity, inner, p, outer.rotation, outer.sign, reach, effects.turning);
     }
     if (outer.slides()) {
-      const int k = outer.slide;
-      Effect effect = uniform(s, s.slid);
-      if (i != j) effect.torque += dot(perp(s.axis), s.force);  // the force's own lever grows
-      set(by_position, inner, p, k, 1.0, reach, effect);
-      set(by_velocity, inner, p, k, 1.0, reach, uniform(s, s.sliding));
-      set(mass, inner, p, k, 1.0, reach, uniform(s, s.axis));
+      Effect effect = effects.slid;
+      if (i != j) effect.torque += effects.grown;  // the force's own lever grows
+      set(by_position, inner, p, outer.slide, 1.0, reach, effect);
+      set(by_velocity, inner, p, outer.slide, 1.0, reach, effects.sliding);
     }
     if (i == j) return;
     if (inner.turns()) {
       const int k = inner.rotation;
-      set(by_position, outer, s, k, inner.sign, Vec{},
-          {-s.mass * perp(p.acceleration), -dot(s.moment, p.acceleration)});
-      set(by_velocity, outer, s, k, inner.sign, Vec{},
+      set(by_position, outer, s, k, inner.sign, {-s.mass * perp(p.acceleration), -dot(s.moment, p.acceleration)});
+      set(by_velocity, outer, s, k, inner.sign,
           {2.0 * perp(s.momentum - s.mass * p.velocity), 2.0 * (s.moment_of_velocity - dot(s.moment, p.velocity))});
     }
     if (inner.slides()) {
-      set(by_position, outer, s, inner.slide, 1.0, Vec{}, uniform(s, p.slid));
-      set(by_velocity, outer, s, inner.slide, 1.0, Vec{}, uniform(s, p.sliding));
+      set(by_position, outer, s, inner.slide, 1.0, uniform(s, p.slid));
+      set(by_velocity, outer, s, inner.slide, 1.0, uniform(s, p.sliding));
     }
+  }
+
+  // The same of H, which is symmetric.
+  void couple_masses(int i, int j, Vec reach) {
+    const Link &outer = chain_.links[i], &inner = chain_.links[j];
+    const Motion &s = links_[i], &p = links_[j];
+    if (outer.turns()) set(mass, inner, p, outer.rotation, outer.sign, reach, {perp(s.moment), s.inertia});
+    if (outer.slides()) set(mass, inner, p, outer.slide, 1.0, reach, uniform(s, s.axis));
+    if (i == j) return;
     for (int row : {inner.slide, inner.rotation})
       for (int column : {outer.slide, outer.rotation})
         if (row >= 0 && column >= 0) mass[at(column, row)] = mass[at(row, column)];
@@ -191,6 +221,13 @@ class Jacobian {
            Effect effect) {
     if (link.turns())
       matrix[at(link.rotation, column)] = sign * link.sign * (effect.torque + dot(perp(reach), effect.force));
+    if (link.slides()) matrix[at(link.slide, column)] = sign * dot(motion.axis, effect.force);
+  }
+
+  // The same in the rows of the link itself, about its own joint point.
+  void set(std::vector<double>& matrix, const Link& link, const Motion& motion, int column, double sign,
+           const Effect& effect) {
+    if (link.turns()) matrix[at(link.rotation, column)] = sign * link.sign * effect.torque;
     if (link.slides()) matrix[at(link.slide, column)] = sign * dot(motion.axis, effect.force);
   }
 

@@ -19,7 +19,8 @@ class Stepper {
  public:
   Stepper(const Model& model, const pc::MethodData& method, double step, bool dense)
       : forces_(model.forces), state_(model.chain().joint_count), effort_(state_.position.size()),
-        latched_(state_.position.size()), zero_(state_.position.size()), step_(step), turns_(model.chain()),
+        latched_(state_.position.size()), zero_(state_.position.size()), step_(step),
+        right_hand_side_(model.chain(), forces_),
         form_(pc::make_form<double>(model.chain(), dense)),
         integrator_(pc::make_integrator(method, model.chain(), *form_, forces_, step, dense)) {
     forces_.chain = &model.chain();
@@ -95,26 +96,20 @@ class Stepper {
     return py::none();
   }
 
-  // False, with nothing changed, where Python is to check or convert an argument first.
-  bool put_state(const py::handle& position, const py::handle& velocity) {
-    for (const py::handle& given : {position, velocity}) {
-      if (!py::isinstance<Array>(given)) return false;
-      const Array array = py::reinterpret_borrow<Array>(given);
-      if (array.ndim() != 1 || array.size() != static_cast<py::ssize_t>(effort_.size())) return false;
-      for (py::ssize_t i = 0; i < array.size(); ++i)
-        if (!std::isfinite(array.data()[i])) return false;
-    }
-    const double* at = py::reinterpret_borrow<Array>(position).data();
+  // -1; or, with nothing changed, the joint whose position lies beyond a stop.
+  int put_state(const py::handle& position, const py::handle& velocity) {
+    const py::ssize_t joints = static_cast<py::ssize_t>(effort_.size());
+    const Numbers q("position", position, {joints}), v("velocity", velocity, {joints});
     for (const auto& stop : forces_.stops)
-      if (at[stop.joint] < stop.lower || at[stop.joint] > stop.upper) return false;
-    set_state(py::reinterpret_borrow<Array>(position), py::reinterpret_borrow<Array>(velocity));
-    return true;
+      if (q.data()[stop.joint] < stop.lower || q.data()[stop.joint] > stop.upper) return stop.joint;
+    set_state(q.data(), v.data());
+    return -1;
   }
 
-  void set_state(const Array& position, const Array& velocity) {
+  void set_state(const double* position, const double* velocity) {
     integrator_->forget();
-    std::copy(position.data(), position.data() + position.size(), state_.position.begin());
-    std::copy(velocity.data(), velocity.data() + velocity.size(), state_.velocity.begin());
+    std::copy(position, position + effort_.size(), state_.position.begin());
+    std::copy(velocity, velocity + effort_.size(), state_.velocity.begin());
     std::fill(state_.position_remainder.begin(), state_.position_remainder.end(), 0.0);
     std::fill(state_.velocity_remainder.begin(), state_.velocity_remainder.end(), 0.0);
   }
@@ -127,7 +122,7 @@ class Stepper {
 
   void load(const Array& position, const Array& velocity, const Array& position_remainder,
             const Array& velocity_remainder, const Array& effort, const Array& ahead) {
-    set_state(position, velocity);
+    set_state(position.data(), velocity.data());
     std::copy(position_remainder.data(), position_remainder.data() + position_remainder.size(),
               state_.position_remainder.begin());
     std::copy(velocity_remainder.data(), velocity_remainder.data() + velocity_remainder.size(),
@@ -174,13 +169,10 @@ class Stepper {
     if (auto* driven = dynamic_cast<pc::EventDriven*>(integrator_.get())) {
       joint = driven->accelerate(state_, effort_.data(), out.mutable_data());
     } else {
-      latched_ = effort_;
-      forces_.add_passive(state_.position.data(), state_.velocity.data(), latched_.data());
       std::vector<double> position = state_.position;
-      if (turns_.find(position.data()))
-        turns_.leave_out(state_.position.data(), state_.position_remainder.data(), position.data());
-      forces_.add_wrenches(position.data(), nullptr, latched_.data());
-      joint = form_->forward(position.data(), state_.velocity.data(), latched_.data(), out.mutable_data());
+      right_hand_side_.start(position.data());
+      joint = right_hand_side_.accelerate(*form_, state_.position.data(), state_.position_remainder.data(),
+                                          position.data(), state_.velocity.data(), effort_.data(), out.mutable_data());
     }
     return py::make_tuple(out, joint);
   }
@@ -205,7 +197,7 @@ class Stepper {
   std::vector<double> effort_, latched_, zero_;
   const double step_;
   bool told_ = false;  // of a coarse step
-  pc::WholeTurns<double> turns_;
+  pc::RightHandSide right_hand_side_;
   std::unique_ptr<pc::Form> form_;
   std::unique_ptr<pc::Integrator> integrator_;
 };

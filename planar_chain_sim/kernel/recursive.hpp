@@ -163,6 +163,7 @@ class RecursionOf final : public FormOf<Real> {
   Real cosine(int link) const { return cosine_[link]; }
   Real sine(int link) const { return sine_[link]; }
   Real rate(int link) const { return state_[link].rate; }
+  const LinkState& state(int link) const { return state_[link]; }
 
   // Efforts of the bare mechanism (armature in, joint laws out) for given accelerations: equations.md 6.1.
   void inverse(const Real* position, const Real* velocity, const Real* acceleration, bool gravity,
@@ -175,6 +176,10 @@ class RecursionOf final : public FormOf<Real> {
     }
     for (int i = chain_.link_count(); i >= 1; --i) balance(i, acceleration, effort);
   }
+
+  // After inverse(): of what size the sums are that make up its efforts, zero where nothing is added: to judge how far
+  // rounding can carry them. Componentwise, so that what is exact by an angle of zero stays so.
+  void sizes(const Real* velocity, const Real* acceleration, bool gravity, Real* size);
 
   // Kinetic energy with armature, and potential energy of gravity: equations.md 6.1.
   void energy(const Real* position, const Real* velocity, Real& kinetic, Real& potential);
@@ -393,6 +398,52 @@ class RecursionOf final : public FormOf<Real> {
 };
 
 using Recursion = RecursionOf<double>;
+
+template <class Real, bool Plain>
+void RecursionOf<Real, Plain>::sizes(const Real* velocity, const Real* acceleration, bool gravity, Real* size) {
+  const auto magnitude = [](const Real& x) { return x < Real(0.0) ? -x : x; };
+  // An angle is a rounded sum, so that a vector turned by it is off in each component by part of both.
+  const auto turned = [&](const Vec& v, int link) {
+    const Vec each = {magnitude(v.x), magnitude(v.y)};
+    return sine_[link] == Real(0.0) ? each : Vec{each.x + each.y, each.x + each.y};
+  };
+  const auto across = [](const Vec& v) { return Vec{v.y, v.x}; };
+  struct Size {
+    Real rate = 0.0, angular = 0.0, torque = 0.0;
+    Vec linear, force, lever, moment;
+  };
+  std::vector<Size> of(state_.size());
+  if (gravity) of[0].linear = {magnitude(chain_.gravity_x), magnitude(chain_.gravity_y)};
+  for (int i = 1; i <= chain_.link_count(); ++i) {
+    const Link& link = chain_.links[i];
+    const Size& p = of[link.carrier];
+    Size& s = of[i];
+    s.rate = p.rate, s.angular = p.angular;
+    s.lever = turned(state_[i].lever, link.carrier), s.moment = turned(state_[i].moment, i);
+    s.linear = p.linear + p.angular * across(s.lever) + (p.rate * p.rate) * s.lever;
+    if (slides(link)) {
+      const Vec axis = turned(state_[i].slide_axis, link.carrier);
+      s.linear = s.linear + magnitude(acceleration[link.slide]) * axis +
+                 (2.0 * p.rate * magnitude(velocity[link.slide])) * across(axis);
+    }
+    if (turns(link)) {
+      s.rate += magnitude(velocity[link.rotation]), s.angular += magnitude(acceleration[link.rotation]);
+    }
+    s.force = link.mass * s.linear + s.angular * across(s.moment) + (s.rate * s.rate) * s.moment;
+    s.torque = link.inertia * s.angular + dot(across(s.moment), s.linear);
+  }
+  for (int i = chain_.link_count(); i >= 1; --i) {
+    const Link& link = chain_.links[i];
+    const Size& s = of[i];
+    if (turns(link)) size[link.rotation] = s.torque + link.rotor * magnitude(acceleration[link.rotation]);
+    if (slides(link))
+      size[link.slide] = dot(turned(state_[i].slide_axis, link.carrier), s.force) +
+                         link.slide_armature * magnitude(acceleration[link.slide]);
+    if (link.carrier == 0) continue;
+    of[link.carrier].force = of[link.carrier].force + s.force;
+    of[link.carrier].torque += s.torque + dot(across(s.lever), s.force);
+  }
+}
 
 template <class Real, bool Plain>
 void RecursionOf<Real, Plain>::energy(const Real* position, const Real* velocity, Real& kinetic, Real& potential) {

@@ -66,10 +66,23 @@ class Rosenbrock final : public ErrorControlledStep {
       const double* sum = stages_.weigh(k == 0 ? b_ : dense_[k - 1]);
       terms_[k].assign(sum, sum + terms_[k].size());
     }
+    const double* slope = stages_.row(stage_count_);
+    slope_.assign(slope, slope + terms_[0].size());
     return Outcome::good;
   }
 
   void read(double offset, const JointState& base, JointState& out) const override {
+    read(offset, base, out, nullptr);
+  }
+
+  // The interpolant's own derivative at the start is right to its order only. So it gets x z^2 d on top, and positions
+  // x^2 z^2 e, which change nothing at the end: d and e make up for what h y' and h^2 y'' / 2 lack at x = 0.
+  void read_from_rest(double offset, const JointState& base, JointState& out) const override {
+    read(offset, base, out, slope_.data());
+  }
+
+ private:
+  void read(double offset, const JointState& base, JointState& out, const double* slope) const {
     if (offset == length_) {
       out = end_;
       return;
@@ -79,11 +92,16 @@ class Rosenbrock final : public ErrorControlledStep {
       double sum = 0.0;
       for (std::size_t k = terms_.size() - 1; k > 0; --k) sum = sum * x + terms_[k][i];
       moved_[i] = x * (terms_[0][i] + z * sum);
+      if (slope == nullptr) continue;
+      const double lacks = length_ * slope[i] - (terms_[0][i] + terms_[1][i]);
+      moved_[i] += x * z * z * lacks;
+      if (i >= joints_) continue;   // x^2: (t_2 - t_1) - 2 d
+      const double bends = 0.5 * length_ * length_ * slope[joints_ + i] - (terms_[2][i] - terms_[1][i] - 2.0 * lacks);
+      moved_[i] += x * x * z * z * bends;
     }
     move_by(base, moved_.data(), out);
   }
 
- private:
   // u = (p, w) from the right side (r, s), reach = h gamma.
   void solve(double reach, double* u) {
     const double *r = right_.data(), *s = r + joints_;
@@ -105,7 +123,7 @@ class Rosenbrock final : public ErrorControlledStep {
   const Weights b_, nothing_;
   Jacobian jacobian_;
   LU lu_;
-  std::vector<double> right_;
+  std::vector<double> right_, slope_;
   std::vector<std::vector<double>> terms_;
   mutable std::vector<double> moved_;
 };

@@ -5,7 +5,7 @@
 
 #include "cache_lines.hpp"
 #include "integrators.hpp"
-#include "whole_turns.hpp"
+#include "right_hand_side.hpp"
 
 namespace planar_chain {
 
@@ -40,14 +40,14 @@ inline std::vector<Weights> rows_of(const std::vector<double>& matrix, int width
 class Stages {
  public:
   Stages(const Chain& chain, Form& form, const JointForces& forces, int rows)
-      : form_(form), forces_(forces), turns_(chain), joints_(chain.joint_count), stride_((2 * joints_ + 3) / 4 * 4),
-        rows_(static_cast<std::size_t>(rows) * stride_), sum_(stride_), position_(joints_), effort_(joints_),
-        way_(joints_) {}
+      : form_(form), right_hand_side_(chain, forces), joints_(chain.joint_count), stride_((2 * joints_ + 3) / 4 * 4),
+        rows_(static_cast<std::size_t>(rows) * stride_), sum_(stride_), position_(joints_), way_(joints_) {}
 
   // Before the first evaluation of a step from `base`.
-  void start(const JointState& base) { far_ = turns_.find(base.position.data()); }
+  void start(const JointState& base) { right_hand_side_.start(base.position.data()); }
 
   double* row(int stage) { return &rows_[static_cast<std::size_t>(stage) * stride_]; }
+  const double* row(int stage) const { return &rows_[static_cast<std::size_t>(stage) * stride_]; }
 
   // Sum of weight_l (q', v')_l, in the order of the stages; good until the next call.
   const double* weigh(const Weights& weights) {
@@ -70,16 +70,12 @@ class Stages {
     for (int i = 0; i < joints_; ++i) {
       position_[i] = base.position[i] + (step * sum[i] + base.position_remainder[i]);
       rate[i] = base.velocity[i] + (step * sum[joints_ + i] + base.velocity_remainder[i]);
-      effort_[i] = actuator[i];
     }
-    if (forces_.passive()) forces_.add_passive(position_.data(), rate, effort_.data());
-    if (far_) {
+    if (right_hand_side_.far())
       for (int i = 0; i < joints_; ++i) way_[i] = step * sum[i] + base.position_remainder[i];
-      turns_.leave_out(base.position.data(), way_.data(), position_.data());
-    }
-    forces_.add_wrenches(position_.data(), nullptr, effort_.data());
-    joint = form_.forward(position_.data(), rate, effort_.data(), acceleration);
-    return joint < 0 ? Outcome::good : singular_or_not_finite(position_.data(), joints_);
+    joint = right_hand_side_.accelerate(form_, base.position.data(), way_.data(), position_.data(), rate, actuator,
+                                        acceleration);
+    return outcome_of(joint, position_.data(), joints_);
   }
 
   // next <- base + step * (sum of weights)
@@ -95,11 +91,9 @@ class Stages {
 
  private:
   Form& form_;
-  const JointForces& forces_;
-  WholeTurns<double> turns_;
-  bool far_ = false;  // whether any joint has many turns behind it
+  RightHandSide right_hand_side_;
   const int joints_, stride_;
-  AlignedVector<double> rows_, sum_, position_, effort_, way_;
+  AlignedVector<double> rows_, sum_, position_, way_;
 };
 
 class ExplicitRungeKutta final : public FixedStep {

@@ -9,8 +9,8 @@
 
 #include "batch.hpp"
 #include "forms.hpp"
+#include "right_hand_side.hpp"
 #include "side_by_side.hpp"
-#include "whole_turns.hpp"
 
 namespace planar_chain {
 
@@ -23,7 +23,7 @@ class ScenesInLanes {
  public:
   explicit ScenesInLanes(const Batch& batch)
       : batch_(batch), joints_(static_cast<std::size_t>(batch.joints)), alone_(batch), state_(joints_), next_(joints_),
-        step_(batch.step), actuator_(joints_), effort_(joints_), stage_(joints_), way_(joints_),
+        step_(batch.step), actuator_(joints_), stage_(joints_), way_(joints_),
         rates_(joints_ * std::max<std::size_t>(1, batch.tableau.stages)), accelerations_(rates_.size()) {
     for (const Weights& row : rows_of(batch.tableau.a, std::max(1, batch.tableau.stages))) a_.push_back(terms(row));
     if (batch.tableau.stages > 0) b_ = terms(Weights(batch.tableau.b, batch.tableau.stages, 0));
@@ -39,7 +39,7 @@ class ScenesInLanes {
         if (!same_make(batch_.scene(first_), batch_.scene(first_ + i))) return run_one_by_one();
       for (int i = 0; i < lanes; ++i) constants_.set(i, batch_.scene(scene_of(i)));
       form_ = make_form<Real>(constants_.chain, batch_.scene(first_).dense);
-      turns_.emplace(constants_.chain);
+      right_hand_side_.emplace(constants_.chain, constants_.forces);
     }
     if (!form_) return run_one_by_one();
     state_ = State(joints_);
@@ -126,17 +126,15 @@ class ScenesInLanes {
 
   // Accelerations under the actuators at stage_, `way_` from the state; tells which scenes have none.
   Truth<Real> evaluate(const Real* velocity, Real* acceleration) {
-    for (std::size_t j = 0; j < joints_; ++j) effort_[j] = actuator_[j];
-    constants_.forces.add_passive(stage_.data(), velocity, effort_.data());
-    if (far_) turns_->leave_out(state_.position.data(), way_.data(), stage_.data());
-    form_->forward(stage_.data(), velocity, effort_.data(), acceleration);
+    right_hand_side_->accelerate(*form_, state_.position.data(), way_.data(), stage_.data(), velocity, actuator_.data(),
+                                 acceleration);
     return form_->good() ^ -1;
   }
 
   // As in runge_kutta.hpp.
   Truth<Real> runge_kutta() {
     Truth<Real> singular = 0;
-    far_ = turns_->find(state_.position.data());
+    right_hand_side_->start(state_.position.data());
     for (std::size_t l = 0; l < a_.size(); ++l) {
       Real *rate = &rates_[l * joints_], *acceleration = &accelerations_[l * joints_];
       for (std::size_t j = 0; j < joints_; ++j) {
@@ -155,7 +153,7 @@ class ScenesInLanes {
 
   // As in semi_implicit_euler.hpp.
   Truth<Real> semi_implicit_euler() {
-    far_ = turns_->find(state_.position.data());
+    right_hand_side_->start(state_.position.data());
     stage_ = state_.position, way_ = state_.position_remainder;
     const Truth<Real> singular = evaluate(state_.velocity.data(), accelerations_.data());
     for (std::size_t j = 0; j < joints_; ++j) {
@@ -223,9 +221,8 @@ class ScenesInLanes {
   const Real step_;
   std::vector<std::vector<Term>> a_;
   std::vector<Term> b_;
-  std::optional<WholeTurns<Real>> turns_;
-  bool far_ = false;       // whether any joint has many turns behind it
-  Row actuator_, effort_, stage_, way_, rates_, accelerations_;
+  std::optional<RightHandSideOf<Real>> right_hand_side_;
+  Row actuator_, stage_, way_, rates_, accelerations_;
 };
 
 // Accelerations of many states of one chain, all arrays (count, joints), which are put side by side once: run() computes

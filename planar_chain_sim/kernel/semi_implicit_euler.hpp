@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "integrators.hpp"
-#include "whole_turns.hpp"
+#include "right_hand_side.hpp"
 
 namespace planar_chain {
 
@@ -12,25 +12,18 @@ class SemiImplicitEuler final : public FixedStep {
  public:
   SemiImplicitEuler(const Chain& chain, Form& form, const JointForces& forces, double step)
       : FixedStep(forces, chain.joint_count, 1, step, 0.3),  // its positions run half a step ahead, which does not add up
-        form_(form), turns_(chain), effort_(chain.joint_count),
-        acceleration_(effort_), position_(effort_) {}
+        form_(form), right_hand_side_(chain, forces), acceleration_(chain.joint_count), position_(acceleration_) {}
 
  protected:
   // v_1 = v_0 + h f(q_0, v_0),  q_1 = q_0 + h v_1
   Outcome step(const JointState& state, const double* actuator, double length, JointState& next, int& joint) override {
-    effort_.assign(actuator, actuator + effort_.size());
-    forces_.add_passive(state.position.data(), state.velocity.data(), effort_.data());
     ++counts.evaluations;
-    const double* position = state.position.data();
-    if (turns_.find(position)) {
-      position_ = state.position;
-      turns_.leave_out(position, state.position_remainder.data(), position_.data());
-      position = position_.data();
-    }
-    forces_.add_wrenches(position, nullptr, effort_.data());
-    joint = form_.forward(position, state.velocity.data(), effort_.data(), acceleration_.data());
-    if (joint >= 0) return singular_or_not_finite(state.position.data(), static_cast<int>(effort_.size()));
-    for (std::size_t i = 0; i < effort_.size(); ++i) {
+    position_ = state.position;
+    right_hand_side_.start(state.position.data());
+    joint = right_hand_side_.accelerate(form_, state.position.data(), state.position_remainder.data(), position_.data(),
+                                        state.velocity.data(), actuator, acceleration_.data());
+    if (joint >= 0) return outcome_of(joint, state.position.data(), static_cast<int>(position_.size()));
+    for (std::size_t i = 0; i < position_.size(); ++i) {
       add_compensated(state.velocity[i], state.velocity_remainder[i], length * acceleration_[i], next.velocity[i],
                       next.velocity_remainder[i]);
       double coasted, lost;
@@ -42,8 +35,8 @@ class SemiImplicitEuler final : public FixedStep {
 
  private:
   Form& form_;
-  WholeTurns<double> turns_;
-  std::vector<double> effort_, acceleration_, position_;
+  RightHandSide right_hand_side_;
+  std::vector<double> acceleration_, position_;
 };
 
 }  // namespace planar_chain

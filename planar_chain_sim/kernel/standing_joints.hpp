@@ -11,16 +11,16 @@
 
 namespace planar_chain {
 
-struct MovingPart {
+struct ReducedChain {
   Chain chain;               // joints numbered anew
   JointForces forces;        // dampers, springs, wrenches; efforts that do not change are the caller's
   std::vector<int> joints;   // what the new joints were
 };
 
-// Leaves the joints standing at `position` out of the chain.
-inline MovingPart without_standing(const Chain& whole, const JointForces& forces, const std::vector<bool>& standing,
-                                   const double* position) {
-  MovingPart part;
+// Leaves the joints standing at position + remainder, without whole turns, out of the chain.
+inline ReducedChain without_standing(const Chain& whole, const JointForces& forces, const std::vector<bool>& standing,
+                                     const double* position, const double* remainder) {
+  ReducedChain part;
   std::vector<int> number(standing.size(), -1);
   for (std::size_t j = 0; j < standing.size(); ++j)
     if (!standing[j]) number[j] = static_cast<int>(part.joints.size()), part.joints.push_back(static_cast<int>(j));
@@ -43,7 +43,7 @@ inline MovingPart without_standing(const Chain& whole, const JointForces& forces
       made.rotation = number[link.rotation];
       if (made.rotation < 0) {
         double sine, cosine;
-        sine_cosine(link.sign * position[link.rotation], sine, cosine);
+        sine_cosine(link.sign * position[link.rotation], link.sign * remainder[link.rotation], sine, cosine);
         own = rotated(carrier, cosine, sine);
         made.rotor = 0.0;
       }

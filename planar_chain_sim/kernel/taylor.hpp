@@ -8,6 +8,7 @@
 #include "adaptive.hpp"
 #include "cache_lines.hpp"
 #include "chain.hpp"
+#include "right_hand_side.hpp"
 
 namespace planar_chain {
 
@@ -22,7 +23,7 @@ class Taylor : public AdaptiveStep {
   Taylor(const Chain& chain, const JointForces& forces, double tick_length, int order, double tolerance, double fixed)
       : AdaptiveStep(forces, chain, tick_length), order_(order), joints_(chain.joint_count),
         stride_((joints_ + 3) / 4 * 4), velocity_(static_cast<std::size_t>(order + 1) * stride_), effort_(joints_),
-        inverse_(order + 3), turns_(chain), near_(joints_),
+        inverse_(order + 3), right_hand_side_(chain, forces),
         log_tolerance_(rough_log2(tolerance)), fixed_(fixed) {
     for (int k = 1; k < order + 3; ++k) inverse_[k] = 1.0 / k;
   }
@@ -33,17 +34,11 @@ class Taylor : public AdaptiveStep {
 
   Outcome expand(const JointState& base, const double* actuator, double& length, double& /*proposal*/, int& joint,
                  bool again) override {
-    for (int i = 0; i < joints_; ++i) effort_[i] = actuator[i], velocity_[i] = base.velocity[i];
-    forces_.add_passive(base.position.data(), base.velocity.data(), effort_.data());
-    const JointState* from = &base;
-    if (turns_.find(base.position.data())) {
-      near_ = base, from = &near_;
-      turns_.leave_out(near_.position, near_.position_remainder);
-    }
-    forces_.add_wrenches(from->position.data(), from->position_remainder.data(), effort_.data());
+    const double* effort = right_hand_side_.efforts(base, actuator);
+    for (int i = 0; i < joints_; ++i) effort_[i] = effort[i], velocity_[i] = base.velocity[i];
     ++counts.evaluations;
-    joint = expand(*from);
-    if (joint >= 0) return singular_or_not_finite(base.position.data(), joints_);
+    joint = expand(right_hand_side_.near());
+    if (joint >= 0) return outcome_of(joint, base.position.data(), joints_);
     if (!again) length = fixed_ > 0.0 ? fixed_ : step_length(base);
     joint = 0;
     return length > 0.0 ? Outcome::good : Outcome::not_finite;
@@ -81,8 +76,7 @@ class Taylor : public AdaptiveStep {
   std::vector<double> effort_, inverse_;  // inverse_[k] = 1 / k
 
  private:
-  WholeTurns<double> turns_;
-  JointState near_;
+  RightHandSide right_hand_side_;
   static double larger(double a, double b) { return a > b ? a : b; }
 
   // Length at which the last two terms of positions and velocities are within tolerance * max(1, |value|). In a motion

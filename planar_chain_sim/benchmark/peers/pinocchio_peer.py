@@ -23,6 +23,37 @@ def _doubles(array: np.ndarray):
     return array.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
 
 
+def python_model(chain: Chain):
+    """Return the chain as a model of Pinocchio's Python, in the plane z = 0; joints in its order, depth first."""
+    import pinocchio
+
+    def in_space(vector: complex) -> np.ndarray:
+        return np.array([vector.real, vector.imag, 0.0])
+
+    model = pinocchio.Model()
+    model.gravity.linear[:] = in_space(chain.gravity)
+    placed, armature = [], []
+    for body in chain.bodies:
+        joint, frame = placed[body.carrier] if body.carrier >= 0 else (0, pinocchio.SE3.Identity())
+        frame = frame * pinocchio.SE3(np.eye(3), in_space(body.origin))
+        if body.slide:
+            axis = in_space(np.exp(1j * body.slide.axis))
+            joint = model.addJoint(joint, pinocchio.JointModelPrismaticUnaligned(axis), frame, body.slide.name)
+            frame = pinocchio.SE3.Identity()
+            armature.append(body.slide.armature)
+        frame = frame * pinocchio.SE3(pinocchio.utils.rotate('z', body.angle), np.zeros(3))
+        if body.rotation:
+            axis = np.array([0.0, 0.0, body.rotation.axis])
+            joint = model.addJoint(joint, pinocchio.JointModelRevoluteUnaligned(axis), frame, body.rotation.name)
+            frame = pinocchio.SE3.Identity()
+            armature.append(body.rotation.armature)
+        inertia = pinocchio.Inertia(body.mass, in_space(body.center_of_mass), body.inertia_com * np.eye(3))
+        model.appendBodyToJoint(joint, inertia, frame)
+        placed.append((joint, frame))
+    model.armature[:] = armature
+    return model
+
+
 class _Model:
     """The C++ side's model and data of one chain, freed with this object: 4 GB at 512 links."""
 
@@ -82,6 +113,16 @@ class Peer:
         def evaluate(count, held=held):
             self._library.evaluate(model, *pointers, ctypes.c_long(count), _doubles(acceleration))
         return evaluate
+
+    def calls(self, chain: Chain, position, velocity, effort) -> dict:
+        """Return Pinocchio's calls from Python that answer ours, by our names."""
+        import pinocchio
+        model = python_model(chain)
+        data = model.createData()
+        return {'forward_dynamics': lambda: pinocchio.aba(model, data, position, velocity, effort),
+                'inverse_dynamics': lambda: pinocchio.rnea(model, data, position, velocity, effort),
+                'mass_matrix': lambda: pinocchio.crba(model, data, position),
+                'linearize': lambda: pinocchio.computeABADerivatives(model, data, position, velocity, effort)}
 
     def integration(self, chain: Chain, method: int, setting: float, duration: float) -> Run:
         """Return an integration by METHODS[method]; `setting` is its step, s, or its tolerance."""

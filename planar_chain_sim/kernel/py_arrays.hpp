@@ -1,0 +1,140 @@
+// Numbers that Python gives: the one place where they are checked, and where the sentence about a misfit is made.
+#pragma once
+
+#include <pybind11/numpy.h>
+#include <pybind11/pybind11.h>
+
+#include <algorithm>
+#include <cmath>
+#include <initializer_list>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace py = pybind11;
+
+using Array = py::array_t<double, py::array::c_style>;
+using Ints = py::array_t<int, py::array::c_style>;
+
+// The type of NumPy's doubles, of which there is one.
+inline PyObject* type_of_doubles() {
+  static PyObject* const type = py::dtype::of<double>().release().ptr();
+  return type;
+}
+
+// `size` numbers not yet set: in half of the time that pybind11's own constructor takes.
+inline Array new_array(py::ssize_t size) {
+  static const py::detail::npy_api& api = py::detail::npy_api::get();
+  const Py_intptr_t shape[] = {size};
+  Py_INCREF(type_of_doubles());   // for the array to keep
+  PyObject* const made = api.PyArray_NewFromDescr_(api.PyArray_Type_, type_of_doubles(), 1, shape, nullptr, nullptr, 0,
+                                                   nullptr);
+  if (made == nullptr) throw py::error_already_set();
+  return py::reinterpret_steal<Array>(made);
+}
+
+inline Array make_array(const std::vector<double>& values) {
+  Array made = new_array(static_cast<py::ssize_t>(values.size()));
+  std::copy(values.begin(), values.end(), made.mutable_data());
+  return made;
+}
+
+// Finite numbers of one shape, C-ordered: the caller's own where they are that already, else as NumPy converts them.
+// ValueError names the argument, what it is and what it must be.
+class Numbers {
+ public:
+  Numbers(const char* name, const py::handle& given, std::initializer_list<py::ssize_t> shape)
+      : Numbers(name, given, shape.begin(), static_cast<int>(shape.size())) {}
+
+  Numbers(const char* name, const py::handle& given, const py::ssize_t* shape, int dimensions) : array_(given) {
+    const bool fits = is_plain(given) && has_shape(shape, dimensions);
+    if (!fits && !(dimensions == 1 && take_list(given, shape[0]))) convert(name, given, shape, dimensions);
+    data_ = reinterpret_cast<const double*>(py::detail::array_proxy(array_.ptr())->data);
+    const py::ssize_t size = count();
+    for (py::ssize_t i = 0; i < size; ++i)
+      if (!std::isfinite(data_[i])) refuse(name, i);
+  }
+  Numbers(const Numbers&) = delete;
+
+  const double* data() const { return data_; }
+  py::object array() const { return py::reinterpret_borrow<py::object>(array_); }
+
+ private:
+  // A NumPy array of doubles as the processor has them, in C order: no subclass, no other byte order.
+  static bool is_plain(const py::handle& given) {
+    static const py::detail::npy_api& api = py::detail::npy_api::get();
+    constexpr int wanted = py::detail::npy_api::NPY_ARRAY_C_CONTIGUOUS_ | py::detail::npy_api::NPY_ARRAY_ALIGNED_;
+    if (Py_TYPE(given.ptr()) != api.PyArray_Type_) return false;
+    const auto* array = py::detail::array_proxy(given.ptr());
+    return array->descr == type_of_doubles() && (array->flags & wanted) == wanted;
+  }
+
+  bool has_shape(const py::ssize_t* shape, int dimensions) const {
+    const auto* array = py::detail::array_proxy(array_.ptr());
+    return array->nd == dimensions && std::equal(shape, shape + dimensions, array->dimensions);
+  }
+
+  py::ssize_t count() const {
+    const auto* array = py::detail::array_proxy(array_.ptr());
+    py::ssize_t size = 1;
+    for (int k = 0; k < array->nd; ++k) size *= array->dimensions[k];
+    return size;
+  }
+
+  // A list or a tuple of so many Python floats and ints, for which NumPy would take a microsecond.
+  bool take_list(const py::handle& given, py::ssize_t size) {
+    const bool list = PyList_CheckExact(given.ptr());
+    if (!list && !PyTuple_CheckExact(given.ptr())) return false;
+    if ((list ? PyList_GET_SIZE(given.ptr()) : PyTuple_GET_SIZE(given.ptr())) != size) return false;
+    Array made = new_array(size);
+    double* const numbers = made.mutable_data();
+    for (py::ssize_t i = 0; i < size; ++i) {
+      PyObject* const item = list ? PyList_GET_ITEM(given.ptr(), i) : PyTuple_GET_ITEM(given.ptr(), i);
+      if (PyFloat_CheckExact(item)) {
+        numbers[i] = PyFloat_AS_DOUBLE(item);
+      } else {
+        if (!PyLong_CheckExact(item)) return false;
+        numbers[i] = PyLong_AsDouble(item);
+        if (PyErr_Occurred() == nullptr) continue;
+        PyErr_Clear();   // too large: NumPy's to say
+        return false;
+      }
+    }
+    made_ = std::move(made), array_ = made_;
+    return true;
+  }
+
+  __attribute__((noinline)) void convert(const char* name, const py::handle& given, const py::ssize_t* shape,
+                                         int dimensions) {
+    py::tuple wanted(dimensions);
+    for (int k = 0; k < dimensions; ++k) wanted[static_cast<std::size_t>(k)] = shape[k];
+    try {
+      made_ = py::module_::import("numpy").attr("ascontiguousarray")(given, py::dtype::of<double>());
+    } catch (py::error_already_set& error) {
+      if (!error.matches(PyExc_TypeError) && !error.matches(PyExc_ValueError)) throw;
+      throw py::value_error(std::string(name) + " must be numbers of shape " + text(wanted) + ", got " +
+                            text(py::str("{!r:.80}").format(given)));
+    }
+    array_ = made_;
+    if (!has_shape(shape, dimensions))
+      throw py::value_error(std::string(name) + " has shape " + text(array_.attr("shape")) + ", must have " +
+                            text(wanted));
+  }
+
+  // The number at `place`, counted in C order, is not finite.
+  [[noreturn]] __attribute__((noinline)) void refuse(const char* name, py::ssize_t place) const {
+    const auto* array = py::detail::array_proxy(array_.ptr());
+    const double value = data_[place];
+    std::string where;
+    for (int k = array->nd - 1; k >= 0; place /= array->dimensions[k--])
+      where = std::to_string(place % array->dimensions[k]) + (where.empty() ? "" : ", ") + where;
+    const char* const what = std::isnan(value) ? "nan" : value > 0.0 ? "inf" : "-inf";
+    throw py::value_error(std::string(name) + "[" + where + "] is " + what + ", must be finite");
+  }
+
+  static std::string text(const py::handle& object) { return py::cast<std::string>(py::str(object)); }
+
+  py::handle array_;
+  py::object made_;
+  const double* data_;
+};
