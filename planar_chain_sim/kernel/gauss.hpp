@@ -77,6 +77,13 @@ class Gauss final : public FixedStep {
     return Outcome::good;
   }
 
+  int accelerate(const JointState& state, const double* actuator, double* acceleration) override {
+    position_ = state.position;
+    right_hand_side_.start(state.position.data());
+    return right_hand_side_.accelerate(form_, state.position.data(), state.position_remainder.data(), position_.data(),
+                                       state.velocity.data(), actuator, acceleration);
+  }
+
   int known() const override { return known_; }
   void know(int steps) override { known_ = steps; }
 

@@ -1,6 +1,7 @@
 // What moves a state from tick to tick: steps of a fixed size here, steps of their own size in adaptive.hpp.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <utility>
@@ -129,16 +130,20 @@ class FixedStep : public Motion {
 
   Progress advance(double, std::int64_t tick, std::int64_t ticks, JointState& state, const double* actuator) override {
     Progress progress;
-    for (; progress.ticks < ticks; ++progress.ticks) {
-      progress.outcome = step(state, actuator, tick_length_, next_, progress.joint);
-      if (progress.outcome == Outcome::good && (progress.joint = first_not_finite(next_)) >= 0)
-        progress.outcome = Outcome::not_finite;
-      if (progress.outcome == Outcome::good)
-        progress.outcome = judge(tick + progress.ticks, tick_length_, state, actuator, progress.joint);
-      if (progress.outcome != Outcome::good) break;
-      if (follows()) follow(tick + progress.ticks, state, actuator);
-      std::swap(state, next_);
-      ++counts.steps;
+    accumulated_.effort(actuator);
+    while (progress.ticks < ticks && progress.outcome == Outcome::good) {
+      const std::int64_t begun = progress.ticks, end = begun + std::min(ticks - begun, accumulated_.to_go());
+      for (; progress.ticks < end; ++progress.ticks) {
+        progress.outcome = step(state, actuator, tick_length_, next_, progress.joint);
+        if (progress.outcome == Outcome::good && (progress.joint = first_not_finite(next_)) >= 0)
+          progress.outcome = Outcome::not_finite;
+        if (progress.outcome == Outcome::good)
+          progress.outcome = judge(tick + progress.ticks, tick_length_, state, actuator, progress.joint);
+        if (progress.outcome != Outcome::good) break;
+        std::swap(state, next_);
+        ++counts.steps;
+      }
+      if (accumulated_.due(progress.ticks - begun)) follow(tick + progress.ticks - 1, next_, state, actuator);
     }
     return progress;
   }
@@ -154,8 +159,9 @@ class FixedStep : public Motion {
     outcome_ahead_ = step(from_, actuator, ahead_, next_, joint_ahead_);
     if (outcome_ahead_ != Outcome::good || first_not_finite(next_) >= 0) return ahead_;
     progress.outcome = judge(offset == 0.0 ? tick : 3, ahead_, from_, actuator, progress.joint);
+    accumulated_.effort(actuator);
     if (offset != 0.0 || limit != tick_length_) accumulated_.skip();
-    else if (progress.outcome == Outcome::good && follows()) follow(tick, from_, actuator);
+    else if (progress.outcome == Outcome::good && accumulated_.due(1)) follow(tick, from_, next_, actuator);
     return ahead_;
   }
 
@@ -175,6 +181,12 @@ class FixedStep : public Motion {
   // One step of `length` s.
   virtual Outcome step(const JointState& state, const double* actuator, double length, JointState& next, int& joint) = 0;
 
+  // Accelerations at a state; -1, or the joint whose pivot vanished. Nothing is counted.
+  virtual int accelerate(const JointState& state, const double* actuator, double* acceleration) = 0;
+
+  // Those that the last step set out with, or null where it has not computed them.
+  virtual const double* first_acceleration() const { return nullptr; }
+
   // What a step leaves for the next one: not to be lost to steps that are only looked at.
   virtual int known() const { return 0; }
   virtual void know(int) {}
@@ -183,22 +195,40 @@ class FixedStep : public Motion {
   const double tick_length_;
 
  private:
-  bool follows() const { return asked && coarse.joint < 0 && !accumulated_.over(); }
+  // What following asks of the run's method.
+  struct Followed {
+    FixedStep& run;
+    const double* first;
 
-  // Adds what the step from `state` to next_ is off; the tick at which all together are too far off is kept.
-  void follow(std::int64_t tick, const JointState& state, const double* actuator) {
-    const auto walk = [this](const JointState& from, const double* effort, double length, JointState& to) {
-      const Counts kept = counts;
-      const int known_before = known();
+    const double* acceleration() const { return first; }
+
+    bool accelerate(const JointState& state, const double* actuator, double* acceleration) {
+      return run.accelerate(state, actuator, acceleration) < 0;
+    }
+
+    bool walk(const JointState& from, const double* actuator, double length, JointState& to) {
+      const Counts kept = run.counts;
+      const int known = run.known();
       int joint = -1;
-      const bool good = step(from, effort, length, to, joint) == Outcome::good;
-      counts = kept, know(known_before);
+      const bool good = run.step(from, actuator, length, to, joint) == Outcome::good;
+      run.counts = kept, run.know(known);
       return good;
-    };
+    }
+  };
+
+  // Looks what the steps up to that from `state` to `next` are off; the tick where that is too much is kept.
+  void follow(std::int64_t tick, const JointState& state, const JointState& next, const double* actuator) {
+    if (!asked || coarse.joint >= 0) return accumulated_.stop();
+    const double* first = compared_ == tick ? nullptr : first_acceleration();
+    if (first == nullptr) {
+      first_.resize(state.position.size());
+      accelerate(state, actuator, first_.data()), first = first_.data();
+    }
+    Followed followed{*this, first};
     int joint = -1;
-    if (!accumulated_.follow(state, next_, actuator, walk)) return;
+    if (!accumulated_.look(state, next, followed)) return;
     const double error = accumulated_.largest(joint);
-    if (error > AccumulatedError::most) coarse = {tick, error, joint, true};
+    if (error > AccumulatedError::most) coarse = {tick, error, joint, true}, accumulated_.stop();
   }
 
   // Of the step from `state` to next_ that tick `tick` begins with.
@@ -229,6 +259,7 @@ class FixedStep : public Motion {
 
   Outcome compare(std::int64_t tick, double length, const JointState& state, const double* actuator, int& joint) {
     const Counts kept = counts;
+    compared_ = tick;
     Outcome outcome = step(state, actuator, 0.5 * length, half_, joint);
     if (outcome == Outcome::good) outcome = step(half_, actuator, 0.5 * length, halves_, joint);
     counts = kept;
@@ -252,6 +283,8 @@ class FixedStep : public Motion {
   Outcome outcome_ahead_ = Outcome::good;
   int joint_ahead_ = -1;
   AccumulatedError accumulated_;
+  std::vector<double> first_;      // accelerations, where the step has not left them
+  std::int64_t compared_ = -1;     // tick at which half steps were taken last
 };
 
 }  // namespace planar_chain
