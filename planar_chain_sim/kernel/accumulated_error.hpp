@@ -116,7 +116,7 @@ class AccumulatedError {
   static constexpr double wrong_part = 0.5, large_part = 0.15, small_part = 0.012;
   // One look in so many goes Richardson's way while the error is below such a part of what is too much.
   static constexpr int seldom = 4;
-  static constexpr double little = 0.03;
+  static constexpr double little = 0.1, little_of_first_order = 0.03;
   // Looks at more joints than so many, which move fast, may cost one tick in so many, while the error is below such a
   // part of what is too much, and ticks are short.
   static constexpr int few_joints = 8;
@@ -145,14 +145,17 @@ class AccumulatedError {
   // Whether what has been looked at is paid for by ticks that are not; what is off in them is leave_out()'s.
   bool pause() {
     int joint = 0;
-    if (joints_ <= few_joints || first_ < least_quick_ || debt_ < 1.0 || largest(joint) > very_little * most) return false;
+    if (joints_ <= few_joints || first_ < least_quick_ || debt_ < 1.0) return false;
+    if (largest(joint) > very_little * most) return false;
     gap_ = std::floor(debt_), debt_ -= gap_, done_ = -1;
     wait(static_cast<std::int64_t>(gap_));
     return true;
   }
 
   // Of `work` ticks' work for `ticks` of the run.
-  void pay(double work, double ticks) { debt_ = std::fmax(debt_ + share * work - ticks, -share); }
+  void pay(double work, double ticks) {
+    debt_ = std::fmax(debt_ + share * work - ticks, -share);
+  }
 
   void leave_out() {
     if (gap_ == 0.0) return;
@@ -172,7 +175,8 @@ class AccumulatedError {
   template <class Method>
   void keep(std::vector<double>& point, const JointState& state, Method& method) {
     const double* acceleration = method.acceleration();
-    double *position = point.data(), *velocity = position + joints_, *rate = velocity + joints_, *effort = rate + joints_;
+    double *position = point.data(), *velocity = position + joints_;
+    double *rate = velocity + joints_, *effort = rate + joints_;
     for (int i = 0; i < joints_; ++i) {
       position[i] = state.position[i], velocity[i] = state.velocity[i];
       rate[i] = acceleration[i], effort[i] = held_[i];
@@ -246,7 +250,8 @@ class AccumulatedError {
     const bool wrong = !(part <= wrong_part);
     int joint = 0;
     const double error = largest(joint) / most;
-    const bool again = !closed_ || error > little || looks_ % seldom == 0;
+    const bool again =
+        !closed_ || error > (order_ == 1 ? little_of_first_order : little) || looks_ % seldom == 0;
     if (wrong || again)
       for (int i = 0; i < joints_; ++i) {
         from_.position[i] = here_[i], from_.velocity[i] = here_[joints_ + i];
@@ -435,7 +440,7 @@ class AccumulatedError {
   std::vector<double> here_, half_way_, there_;  // keep()
   std::vector<double> slopes_;             // what is off, and the tangent's slopes
   double walked_ = 0.0, debt_ = 0.0;       // steps beside the run; ticks that are to go by for them
-  double gap_ = 0.0, growth_ = 0.0;        // ticks that go by unseen; how much what is off grows in a tick, exp(growth_)
+  double gap_ = 0.0, growth_ = 0.0;        // ticks that go by unseen; what is off grows exp(growth_) times in a tick
   double trusted_ = 0.0;                   // ratio up to which growth is trusted
   int trusted_for_ = 0, caution_left_ = 0;
 };
