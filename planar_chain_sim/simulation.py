@@ -118,8 +118,9 @@ class Simulation:
     """
     A chain that moves tick by tick: tick k is at k * step, the effort is constant within a tick.
 
-    A fixed step that is too long gets a RuntimeWarning: at once with the estimated limit where a joint is stiff, else
-    once a step is far from what two half steps give.
+    A fixed step that is too long gets a RuntimeWarning: at once with the estimated limit where a joint is stiff, in the
+    first 10 s once the errors of all steps add up to 0.03 rad or m, later once a step is far from what two half steps
+    give. set_state, restore, another chain, stops and friction's events let the estimate start anew.
 
     `step` s; `tolerance` belongs to adaptive methods; `form` as in forward_dynamics, one of the compiled.
     ValueError: bad method, step, tolerance or form.
@@ -405,10 +406,11 @@ class Simulation:
         """Warn once of a fixed step that is far from what two half steps give."""
         coarse = self._stepper.take_coarse_step()
         if coarse:
-            tick, rate, joint = coarse
-            warn(f"step is {self.step!r} s, too long for method '{self.method}': at tick {tick} it is off by about "
-                 f"{rate * self.step:.2g} rad or m at joint '{self.chain.joint_names[joint]}' of {self.chain.name}",
-                 RuntimeWarning, stacklevel=4)
+            tick, error, joint, summed = coarse
+            what = 'the errors of all steps have added up, and the state' if summed else 'it'
+            warn(f"step is {self.step!r} s, too long for method '{self.method}': at tick {tick} {what} is off by about "
+                 f"{error:.2g} rad or m at joint '{self.chain.joint_names[joint]}' of {self.chain.name}; "
+                 'take a shorter step or an adaptive method', RuntimeWarning, stacklevel=4)
 
     def _error(self, outcome: int, joint: int) -> SimulationError:
         return stop_error(self.chain, self.tick, self.time, outcome, joint, self.position, self.velocity)

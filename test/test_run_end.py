@@ -7,6 +7,7 @@ import pytest
 from random_trees import one_joint
 
 import planar_chain_sim as pcs
+from planar_chain_sim.benchmark.scenes import coarse_steps
 from planar_chain_sim.chain import Body, Chain, Joint
 
 
@@ -92,6 +93,41 @@ def test_a_step_that_is_right_is_not_warned_of_and_a_check_costs_no_bit(method, 
         again.advance(1)
     assert simulation.position.tobytes() == again.position.tobytes()
     assert simulation.statistics['steps'] == 600
+
+
+@pytest.mark.parametrize('method, step', [('rk4', 0.01), ('gauss6', 10.0 / 178), ('dop853_fixed', 0.05)])
+def test_small_errors_that_chaos_makes_large_are_warned_of_however_calls_are_cut(method, step):
+    """All of these end off by 0.1 rad or more after ten seconds, and no step alone is far off."""
+    texts = []
+    for cut in (round(10.0 / step), 1):
+        simulation = pcs.Simulation(pcs.load_chain('double_pendulum.yaml'), method, step)
+        with pytest.warns(RuntimeWarning, match='at tick .* the errors of all steps have added up') as told:
+            for _ in range(round(10.0 / step) // cut):
+                simulation.advance(cut)
+        texts += [str(warning.message) for warning in told]
+    assert len(texts) == 2 and texts[0] == texts[1]
+
+
+def test_steps_on_random_arms_are_right_or_warned_of():
+    """Some of each chain, among them joints so stiff that longer steps would run away; all in the benchmark."""
+    counts = {'double_pendulum': 3, 'four_link_robot': 2, 'seven_link_arm': 1, 'cart_arm_telescope': 3}
+    runs = [run for chain, *start in coarse_steps.arms(counts) for step in (0.002, 0.01, 0.05)
+            for run in coarse_steps.found(chain, start, step)]
+    assert [run.what for run in runs if not (run.told or run.end <= 0.1)] == []
+    assert [run.what for run in runs if run.largest <= 1e-3 and run.told] == []
+    assert sum(run.told for run in runs) > 40 and sum(run.largest <= 1e-3 for run in runs) > 40
+
+
+def test_what_is_off_is_followed_without_a_trace():
+    """A batch has no warnings, and follows nothing: the same bits, the last iteration's start of gauss6 included."""
+    chain, (position, velocity) = pcs.load_chain('four_link_robot.yaml'), np.zeros((2, 5))
+    position = np.array([0.0, 0.3, -0.2, 0.1, 0.4])
+    for method, step in (('gauss6', 0.01), ('rk4', 0.004)):
+        simulation = pcs.Simulation(chain, method, step)
+        simulation.set_state(position, velocity)
+        simulation.advance(500)
+        batch = pcs.rollout_batch(chain, position[None], duration=500 * step, step=step, method=method)
+        assert batch.position[0, -1].tobytes() == simulation.position.tobytes()
 
 
 def test_a_violent_step_ends_a_scene_of_a_batch_as_it_ends_a_run():

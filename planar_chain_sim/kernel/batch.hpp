@@ -85,6 +85,7 @@ class ScenesAlone {
     const Scene& scene = batch_.scene(i);
     if (chain_ != scene.chain) alone_ = batch_.single_run(batch_.kind(i)), chain_ = scene.chain;
     alone_.integrator->look_out(lookout_.get());
+    alone_.integrator->asked = false;  // a batch has no warnings
     alone_.integrator->forget();
     const bool all = batch_.effort_taken != nullptr;
     Record record;

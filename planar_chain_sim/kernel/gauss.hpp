@@ -16,8 +16,10 @@ namespace planar_chain {
 
 class Gauss final : public FixedStep {
  public:
-  Gauss(const Chain& chain, Form& form, const JointForces& forces, const Tableau& tableau, double step)
-      : FixedStep(forces, chain.joint_count, step, 0.0), form_(form), right_hand_side_(chain, forces), length_(step),
+  Gauss(const Chain& chain, Form& form, const JointForces& forces, const Tableau& tableau, int order,
+        double step)
+      : FixedStep(forces, chain.joint_count, order, step, 0.0), form_(form), right_hand_side_(chain, forces),
+        length_(step),
         joints_(chain.joint_count),
         stages_(tableau.stages), a_(tableau.a), b_(tableau.b), a_position_(a_.size()), b_position_(b_.size()),
         node_(b_.size()), accelerations_(static_cast<std::size_t>(stages_) * joints_), held_(joints_),
@@ -32,7 +34,9 @@ class Gauss final : public FixedStep {
     for (int steps = 1; steps <= most_past; ++steps) ahead_.push_back(extrapolation(steps));
   }
 
-  void forget() override { known_ = 0; }
+  void forget() override { FixedStep::forget(), known_ = 0; }
+
+  void forces_changed() override { known_ = 0; }
 
   // The last steps' stages, from which the next one's iteration starts.
   void save(std::vector<double>& all) const override {
@@ -76,6 +80,16 @@ class Gauss final : public FixedStep {
     if (length == tick_length_) keep(actuator);
     return Outcome::good;
   }
+
+  int accelerate(const JointState& state, const double* actuator, double* acceleration) override {
+    position_ = state.position;
+    right_hand_side_.start(state.position.data());
+    return right_hand_side_.accelerate(form_, state.position.data(), state.position_remainder.data(), position_.data(),
+                                       state.velocity.data(), actuator, acceleration);
+  }
+
+  int known() const override { return known_; }
+  void know(int steps) override { known_ = steps; }
 
  private:
   double* row(std::vector<double>& rows, int stage) { return &rows[static_cast<std::size_t>(stage) * joints_]; }

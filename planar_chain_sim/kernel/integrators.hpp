@@ -1,24 +1,19 @@
 // What moves a state from tick to tick: steps of a fixed size here, steps of their own size in adaptive.hpp.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <utility>
 #include <vector>
 
+#include "accumulated_error.hpp"
 #include "form.hpp"
 #include "joint_forces.hpp"
+#include "joint_state.hpp"
 #include "stop.hpp"
 
 namespace planar_chain {
-
-// Joint coordinates and rates as unevaluated sums: value + remainder holds twice the digits.
-struct JointState {
-  std::vector<double> position, velocity, position_remainder, velocity_remainder;
-
-  explicit JointState(int joints)
-      : position(joints), velocity(joints), position_remainder(joints), velocity_remainder(joints) {}
-};
 
 // Two-sum (Knuth, TAOCP 2, 4.2.2): what rounding loses goes into the remainder, so that error grows with steps^(1/2).
 template <class Real>
@@ -36,11 +31,12 @@ struct Progress {
   int joint = -1;
 };
 
-// A step of fixed size that is far from right: at which tick, how far, rad or m a second, at which joint; -1: none was seen.
+// Steps of fixed size that are far from right: at which tick that was seen, how far, rad or m, at which joint, or -1.
 struct CoarseStep {
   std::int64_t tick = 0;
-  double error_rate = 0.0;
+  double error = 0.0;
   int joint = -1;
+  bool summed = false;  // over all steps up to that tick; else of that step alone
 };
 
 // A step that moves a velocity by more than this part of a rad or m per step is looked at; by more than that, any step.
@@ -117,6 +113,7 @@ class Integrator {
  public:
   Counts counts;
   CoarseStep coarse;           // the first one
+  bool asked = true;           // whether anybody asks for it
 
   virtual ~Integrator() = default;
 
@@ -183,34 +180,43 @@ class Motion : public Integrator {
 
 // One step a tick. step() changes the state only if the outcome is good; else `joint` is why.
 //
-// Nothing controls the error of such steps, so now and then, and where velocities jump, one is compared with two half
-// ones: the first that is far off is kept to be warned of. Whether one ends the run, being violent and off by a whole rad
-// or m, depends on that step alone: not on what was looked at before, so that a restored run or a batch ends alike.
+// Nothing controls the error of such steps. For the first seconds it is followed as it adds up (accumulated_error.hpp);
+// where velocities jump, and later now and then, one is compared with two half ones. The first that is far off is kept
+// to be warned of. Whether one ends the run, being violent and off by a whole rad or m, depends on that step alone: not
+// on what was looked at before, so that a restored run or a batch ends alike.
 class FixedStep : public Motion {
  public:
   // `most_error_rate`: rad or m a second by which two half steps may differ; 0: the method finds by itself what is too long.
-  FixedStep(const JointForces& forces, int joints, double tick_length, double most_error_rate)
+  FixedStep(const JointForces& forces, int joints, int order, double tick_length, double most_error_rate)
       : forces_(forces), tick_length_(tick_length), most_error_rate_(most_error_rate), next_(joints), half_(joints),
-        halves_(joints), from_(joints), actuator_(joints) {}
+        halves_(joints), from_(joints), actuator_(joints), accumulated_(joints, order, tick_length) {}
 
   Progress advance(double, std::int64_t tick, std::int64_t ticks, JointState& state, const double* actuator) override {
     Progress progress;
-    for (; progress.ticks < ticks; ++progress.ticks) {
-      if (stopped(work())) {
-        progress.outcome = Outcome::interrupted;
-        break;
+    accumulated_.effort(actuator);
+    while (progress.ticks < ticks && progress.outcome == Outcome::good) {
+      const std::int64_t begun = progress.ticks, end = begun + std::min(ticks - begun, accumulated_.to_go());
+      for (; progress.ticks < end; ++progress.ticks) {
+        if (stopped(work())) {
+          progress.outcome = Outcome::interrupted;
+          break;
+        }
+        progress.outcome = step(state, actuator, tick_length_, next_, progress.joint);
+        if (progress.outcome == Outcome::good && (progress.joint = first_not_finite(next_)) >= 0)
+          progress.outcome = Outcome::not_finite;
+        if (progress.outcome == Outcome::good)
+          progress.outcome = judge(tick + progress.ticks, tick_length_, state, actuator, progress.joint);
+        if (progress.outcome != Outcome::good) break;
+        std::swap(state, next_);
+        ++counts.steps;
       }
-      progress.outcome = step(state, actuator, tick_length_, next_, progress.joint);
-      if (progress.outcome == Outcome::good && (progress.joint = first_not_finite(next_)) >= 0)
-        progress.outcome = Outcome::not_finite;
-      if (progress.outcome == Outcome::good)
-        progress.outcome = judge(tick + progress.ticks, tick_length_, state, actuator, progress.joint);
-      if (progress.outcome != Outcome::good) break;
-      std::swap(state, next_);
-      ++counts.steps;
+      if (accumulated_.due(progress.ticks - begun)) follow(tick + progress.ticks - 1, next_, state, actuator);
     }
     return progress;
   }
+
+  void forget() override { accumulated_.restart(); }
+  void forces_changed() override {}
 
   double look(std::int64_t tick, double offset, double limit, const JointState& state, const double* actuator,
               bool /*passed*/, Progress& progress) override {
@@ -219,8 +225,11 @@ class FixedStep : public Motion {
     actuator_.assign(actuator, actuator + actuator_.size());
     ++number, ++counts.steps;
     outcome_ahead_ = step(from_, actuator, ahead_, next_, joint_ahead_);
-    if (outcome_ahead_ == Outcome::good && first_not_finite(next_) < 0)
-      progress.outcome = judge(offset == 0.0 ? tick : 3, ahead_, from_, actuator, progress.joint);
+    if (outcome_ahead_ != Outcome::good || first_not_finite(next_) >= 0) return ahead_;
+    progress.outcome = judge(offset == 0.0 ? tick : 3, ahead_, from_, actuator, progress.joint);
+    accumulated_.effort(actuator);
+    if (offset != 0.0 || limit != tick_length_) accumulated_.skip();
+    else if (progress.outcome == Outcome::good && accumulated_.due(1)) follow(tick, from_, next_, actuator);
     return ahead_;
   }
 
@@ -240,11 +249,57 @@ class FixedStep : public Motion {
   // One step of `length` s.
   virtual Outcome step(const JointState& state, const double* actuator, double length, JointState& next, int& joint) = 0;
 
+  // Accelerations at a state; -1, or the joint whose pivot vanished. Nothing is counted.
+  virtual int accelerate(const JointState& state, const double* actuator, double* acceleration) = 0;
+
+  // Those that the last step set out with, or null where it has not computed them.
+  virtual const double* first_acceleration() const { return nullptr; }
+
+  // What a step leaves for the next one: not to be lost to steps that are only looked at.
+  virtual int known() const { return 0; }
+  virtual void know(int) {}
+
   const JointForces& forces_;
   const double tick_length_;
 
  private:
   std::int64_t work() const { return 16 * static_cast<std::int64_t>(actuator_.size()); }
+
+  // What following asks of the run's method.
+  struct Followed {
+    FixedStep& run;
+    const double* first;
+
+    const double* acceleration() const { return first; }
+
+    bool accelerate(const JointState& state, const double* actuator, double* acceleration) {
+      return run.accelerate(state, actuator, acceleration) < 0;
+    }
+
+    bool walk(const JointState& from, const double* actuator, double length, JointState& to) {
+      const Counts kept = run.counts;
+      const int known = run.known();
+      int joint = -1;
+      const bool good = run.step(from, actuator, length, to, joint) == Outcome::good;
+      run.counts = kept, run.know(known);
+      return good;
+    }
+  };
+
+  // Looks what the steps up to that from `state` to `next` are off; the tick where that is too much is kept.
+  void follow(std::int64_t tick, const JointState& state, const JointState& next, const double* actuator) {
+    if (!asked || coarse.joint >= 0) return accumulated_.stop();
+    const double* first = compared_ == tick ? nullptr : first_acceleration();
+    if (first == nullptr) {
+      first_.resize(state.position.size());
+      accelerate(state, actuator, first_.data()), first = first_.data();
+    }
+    Followed followed{*this, first};
+    int joint = -1;
+    if (!accumulated_.look(state, next, followed)) return;
+    const double error = accumulated_.largest(joint);
+    if (error > AccumulatedError::most) coarse = {tick, error, joint, true}, accumulated_.stop();
+  }
 
   // Of the step from `state` to next_ that tick `tick` begins with.
   Outcome judge(std::int64_t tick, double length, const JointState& state, const double* actuator, int& joint) {
@@ -255,8 +310,8 @@ class FixedStep : public Motion {
       suspect |= jump * jump > suspect_jump * suspect_jump;
       violent |= jump * jump > violent_jump * violent_jump;
     }
-    const bool due =
-        coarse.joint < 0 && ((suspect != 0 && grows(tick, state)) || (tick & (tick - 1)) == 0 || tick % 256 == 0);
+    const bool now_and_then = !accumulated_.followed() && ((tick & (tick - 1)) == 0 || tick % 256 == 0);
+    const bool due = asked && coarse.joint < 0 && (now_and_then || (suspect != 0 && grows(tick, state)));
     if (!due && violent == 0) return Outcome::good;
     const Outcome outcome = compare(tick, length, state, actuator, joint);
     return violent != 0 ? outcome : Outcome::good;
@@ -274,6 +329,7 @@ class FixedStep : public Motion {
 
   Outcome compare(std::int64_t tick, double length, const JointState& state, const double* actuator, int& joint) {
     const Counts kept = counts;
+    compared_ = tick;
     Outcome outcome = step(state, actuator, 0.5 * length, half_, joint);
     if (outcome == Outcome::good) outcome = step(half_, actuator, 0.5 * length, halves_, joint);
     counts = kept;
@@ -283,7 +339,7 @@ class FixedStep : public Motion {
                                      length * std::fabs(next_.velocity[i] - halves_.velocity[i]));
       const double way = std::fabs(next_.position[i] - state.position[i]);
       if (!(error <= 1.0 + 0.1 * way)) return joint = static_cast<int>(i), Outcome::coarse;
-      if (coarse.joint < 0 && error > most_error_rate_ * length) coarse = {tick, error / length, static_cast<int>(i)};
+      if (coarse.joint < 0 && error > most_error_rate_ * length) coarse = {tick, error, static_cast<int>(i), false};
     }
     return Outcome::good;
   }
@@ -296,6 +352,9 @@ class FixedStep : public Motion {
   double offset_ = 0.0, ahead_ = 0.0;
   Outcome outcome_ahead_ = Outcome::good;
   int joint_ahead_ = -1;
+  AccumulatedError accumulated_;
+  std::vector<double> first_;      // accelerations, where the step has not left them
+  std::int64_t compared_ = -1;     // tick at which half steps were taken last
 };
 
 }  // namespace planar_chain

@@ -126,14 +126,14 @@ inline std::unique_ptr<Motion> make_motion(const MethodData& data, const Chain& 
     case Family::semi_implicit:
       return std::make_unique<SemiImplicitEuler>(chain, form, forces, step);
     case Family::gauss:
-      return std::make_unique<Gauss>(chain, form, forces, data.tableau, step);
+      return std::make_unique<Gauss>(chain, form, forces, data.tableau, data.order, step);
     case Family::rosenbrock:
       return std::make_unique<Rosenbrock>(chain, form, forces, data.tableau, data.order, step, data.tolerance, data.fixed);
     case Family::explicit_runge_kutta:
       if (data.adaptive)
         return std::make_unique<AdaptiveRungeKutta>(chain, form, forces, data.tableau, data.order, step, data.tolerance,
                                                     data.fixed);
-      return std::make_unique<ExplicitRungeKutta>(chain, form, forces, data.tableau, step);
+      return std::make_unique<ExplicitRungeKutta>(chain, form, forces, data.tableau, data.order, step);
   }
   return nullptr;
 }

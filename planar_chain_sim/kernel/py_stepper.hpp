@@ -68,13 +68,14 @@ class Stepper {
   // Fails where this thread is in the middle of a call, waits where another one is.
   void await() { turn_.await(); }
 
-  // Once, the first step that was seen to be far from right: (tick, error, rad or m a second, joint); else None.
+  // Once, the first step that was seen to be far from right: (tick, error, rad or m, joint, whether of all steps up to
+  // it); else None.
   py::object take_coarse_step() {
     turn_.await();
     const pc::CoarseStep& coarse = scene_->integrator->coarse;
     if (told_ || coarse.joint < 0) return py::none();
     told_ = true;
-    return py::make_tuple(coarse.tick, coarse.error_rate, coarse.joint);
+    return py::make_tuple(coarse.tick, coarse.error, coarse.joint, coarse.summed);
   }
 
   // -1; or, with nothing changed, the joint whose position lies beyond a stop. ValueError: an array that is no good.

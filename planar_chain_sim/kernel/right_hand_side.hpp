@@ -12,6 +12,7 @@
 #include "form.hpp"
 #include "integrators.hpp"
 #include "joint_forces.hpp"
+#include "joint_state.hpp"
 #include "whole_turns.hpp"
 
 namespace planar_chain {

@@ -1,6 +1,7 @@
 // Explicit Runge-Kutta steps of q' = v, v' = f(q, v, u) with compensated sums. Coefficients: METHODS in integrators.py.
 #pragma once
 
+#include <algorithm>
 #include <vector>
 
 #include "cache_lines.hpp"
@@ -78,6 +79,14 @@ class Stages {
     return outcome_of(joint, position_.data(), joints_);
   }
 
+  // Accelerations at a state; the rows stay. -1, or the joint whose pivot vanished.
+  int accelerate(const JointState& state, const double* actuator, double* acceleration) {
+    start(state);
+    std::copy(state.position.begin(), state.position.end(), position_.begin());
+    return right_hand_side_.accelerate(form_, state.position.data(), state.position_remainder.data(), position_.data(),
+                                       state.velocity.data(), actuator, acceleration);
+  }
+
   // next <- base + step * (sum of weights)
   void move(const JointState& base, double step, const Weights& weights, JointState& next) {
     const double* sum = weigh(weights);
@@ -98,9 +107,10 @@ class Stages {
 
 class ExplicitRungeKutta final : public FixedStep {
  public:
-  ExplicitRungeKutta(const Chain& chain, Form& form, const JointForces& forces, const Tableau& tableau, double step)
-      : FixedStep(forces, chain.joint_count, step, 0.03), a_(rows_of(tableau.a, tableau.stages)),
-        b_(tableau.b, tableau.stages, 0), stages_(chain, form, forces, tableau.stages) {}
+  ExplicitRungeKutta(const Chain& chain, Form& form, const JointForces& forces, const Tableau& tableau, int order,
+                     double step)
+      : FixedStep(forces, chain.joint_count, order, step, 0.03), a_(rows_of(tableau.a, tableau.stages)),
+        b_(tableau.b, tableau.stages, 0), joints_(chain.joint_count), stages_(chain, form, forces, tableau.stages) {}
 
  protected:
   Outcome step(const JointState& state, const double* actuator, double length, JointState& next, int& joint) override {
@@ -114,9 +124,16 @@ class ExplicitRungeKutta final : public FixedStep {
     return Outcome::good;
   }
 
+  int accelerate(const JointState& state, const double* actuator, double* acceleration) override {
+    return stages_.accelerate(state, actuator, acceleration);
+  }
+
+  const double* first_acceleration() const override { return stages_.row(0) + joints_; }
+
  private:
   const std::vector<Weights> a_;
   const Weights b_;
+  const int joints_;
   Stages stages_;
 };
 

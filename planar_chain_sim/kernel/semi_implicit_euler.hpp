@@ -11,7 +11,7 @@ namespace planar_chain {
 class SemiImplicitEuler final : public FixedStep {
  public:
   SemiImplicitEuler(const Chain& chain, Form& form, const JointForces& forces, double step)
-      : FixedStep(forces, chain.joint_count, step, 0.3),  // its positions run half a step ahead, which does not add up
+      : FixedStep(forces, chain.joint_count, 1, step, 0.3),  // its positions run half a step ahead, which does not add up
         form_(form), right_hand_side_(chain, forces), acceleration_(chain.joint_count), position_(acceleration_) {}
 
   // A shorter step costs one evaluation, and no polynomial between the ends knows where it leads.
@@ -21,10 +21,7 @@ class SemiImplicitEuler final : public FixedStep {
   // v_1 = v_0 + h f(q_0, v_0),  q_1 = q_0 + h v_1
   Outcome step(const JointState& state, const double* actuator, double length, JointState& next, int& joint) override {
     ++counts.evaluations;
-    position_ = state.position;
-    right_hand_side_.start(state.position.data());
-    joint = right_hand_side_.accelerate(form_, state.position.data(), state.position_remainder.data(), position_.data(),
-                                        state.velocity.data(), actuator, acceleration_.data());
+    joint = accelerate(state, actuator, acceleration_.data());
     if (joint >= 0) return outcome_of(joint, state.position.data(), static_cast<int>(position_.size()));
     for (std::size_t i = 0; i < position_.size(); ++i) {
       add_compensated(state.velocity[i], state.velocity_remainder[i], length * acceleration_[i], next.velocity[i],
@@ -35,6 +32,15 @@ class SemiImplicitEuler final : public FixedStep {
     }
     return Outcome::good;
   }
+
+  int accelerate(const JointState& state, const double* actuator, double* acceleration) override {
+    position_ = state.position;
+    right_hand_side_.start(state.position.data());
+    return right_hand_side_.accelerate(form_, state.position.data(), state.position_remainder.data(), position_.data(),
+                                       state.velocity.data(), actuator, acceleration);
+  }
+
+  const double* first_acceleration() const override { return acceleration_.data(); }
 
  private:
   Form& form_;

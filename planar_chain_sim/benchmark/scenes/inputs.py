@@ -8,6 +8,7 @@ import warnings
 import numpy as np
 
 from . import Check, INTEGRATORS, MuJoCoRun, one_joint
+from .coarse_steps import coarse_steps
 from ..problems import configured
 from ...dynamics import energy, SimulationError
 from ...simulation import Simulation
@@ -116,6 +117,7 @@ def ticks(peers: dict, size: float) -> Iterator[Check]:
         told = f' ({", ".join(wrong)})' if wrong else ''
         yield Check(f'fixed steps of {lengths[0]:g} to 1 s on {title}: quietly off by 0.1 rad{told}', 0, len(wrong),
                     theirs)
+    yield from coarse_steps(size)
 
 
 def _quietly_wrong(chain, method: str, step: float, count: int, right) -> bool:
