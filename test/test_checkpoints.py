@@ -10,6 +10,8 @@ import pytest
 import planar_chain_sim as pcs
 from planar_chain_sim import _kernel
 from planar_chain_sim.changes import apply_change
+from planar_chain_sim.integrators import method_data
+from planar_chain_sim.plan import plan_of
 from planar_chain_sim.quantities import changed_chain
 
 TWO_RODS = pcs.load_chain('double_pendulum.yaml')
@@ -217,3 +219,36 @@ def test_a_name_that_is_no_family_is_an_error():
         _kernel.MethodData('nonsense', 4, False, 0.0)
     with pytest.raises(ValueError, match="family of method 'rk4' is 'nonsense', must be one of 'explicit Runge-Kutta'"):
         replace(pcs.METHODS['rk4'], family='nonsense')
+
+
+@pytest.mark.parametrize('word, settings', [
+    ('order', {'order': 0}), ('order', {'order': 31}), ('order', {'family': 'taylor', 'order': 5}),
+    ('fixed', {'fixed': -1.0}), ('fixed', {'fixed': np.nan}), ('tolerance', {'tolerance': 0.0}),
+    ('tolerance', {'tolerance': 1.0}), ('tolerance', {'tolerance': np.nan}), ('gamma', {'gamma': 0.0}),
+    ('gamma', {'gamma': np.inf}), ('stages', {'stages': 65}), ('tableau', {'stages': -1}), ('tableau', {'stages': 3}),
+    ('tableau', {'a': [np.nan] * 4}), ('tableau', {'a': [0.0] * 3}), ('tableau', {'b': [1.0]}),
+    ('tableau', {'error': []}), ('tableau', {'c': [0.0]}), ('tableau', {'dense': [0.0] * 3}),
+    ('tableau', {'dense': [0.0] * 2}), ('adaptive', {'adaptive': False}),
+    ('adaptive', {'family': 'Gauss'}), ('adaptive', {'family': 'semi-implicit'}),
+    ('tableau', {'family': 'Gauss', 'adaptive': False, 'a': []}),
+    ('tableau', {'family': 'explicit Runge-Kutta', 'adaptive': False, 'a': [0.0, 1.0, 0.0, 0.0]}),
+    ('tableau', {'family': 'explicit Runge-Kutta', 'error': [0.0] * 3, 'dense_a': [0.0] * 5}),
+    ('tableau', {'family': 'explicit Runge-Kutta', 'error': [0.0] * 2}),
+    ('tableau', {'family': 'explicit Runge-Kutta', 'error': [0.0] * 3, 'dense': [0.0] * 4}),
+])
+def test_numbers_of_a_method_that_do_not_fit_each_other_make_no_stepper(word, settings):
+    """Each beside what is taken: the kernel reads rows of them at places that it works out from the others."""
+    good = {'stages': 2, 'a': [0.0, 0.0, 1.0, 0.0], 'b': [0.5, 0.5], 'error': [0.0] * 2, 'dense_a': [],
+            'dense': [0.0] * 4, 'c': [0.0] * 4, 'gamma': 0.3}
+    method = {'family': 'Rosenbrock', 'order': 6, 'adaptive': True, 'tolerance': 1e-6, 'fixed': 0.0}
+
+    def make(**changes):
+        tableau = _kernel.Tableau(*(changes.get(name, value) for name, value in good.items()))
+        data = _kernel.MethodData(*(changes.get(name, value) for name, value in method.items()), tableau)
+        return _kernel.Stepper(plan_of(TWO_RODS).model, data, 1e-3, False)
+    make()
+    with pytest.raises(ValueError, match=f'the kernel got a method with a bad {word}'):
+        make(**settings)
+    for step in (0.0, -1e-3, np.nan, np.inf):
+        with pytest.raises(ValueError, match='the kernel got a bad step'):
+            _kernel.Stepper(plan_of(TWO_RODS).model, method_data(pcs.METHODS['rk4'], None), step, False)
