@@ -186,6 +186,31 @@ def test_whatever_number_of_a_state_is_damaged_it_is_refused_or_harmless(chain, 
                 simulation.restore(with_part(5, cut))
 
 
+@pytest.mark.parametrize('method', pcs.METHODS)
+def test_what_stands_stands_where_the_state_says_and_what_is_left_of_sums_is_small(method):
+    simulation = pcs.Simulation(FRICTION, method)
+    for _ in range(3000):
+        simulation.advance(1)
+        saved = simulation.checkpoint()
+        position, velocity, *left, effort, steps = saved.state
+        if steps[10] == 1.0:   # after format, kind, whether under way, and efforts: whether each stands, and its sign
+            break
+    assert velocity[2] == 0.0
+    elsewhere, moving, excess = position.copy(), velocity.copy(), steps.copy()
+    elsewhere[2] += 1e-13
+    moving[2] = 1e-13
+    excess[14] = -1.0
+    excess[-1] = sum_of_bits(excess[:-1])
+    for damaged, word in [((elsewhere, velocity, *left, effort, steps), 'steps'),
+                          ((position, moving, *left, effort, steps), 'steps'),
+                          ((position, velocity, *left, effort, excess), 'steps'),
+                          ((position, velocity, left[0] + 1e-3, left[1], effort, steps), 'position remainder'),
+                          ((position, velocity, left[0], left[1] + 1e-3, effort, steps), 'velocity remainder')]:
+        with pytest.raises(ValueError, match=f'checkpoint is damaged: its {word} cannot be what was saved'):
+            simulation.restore(replace(saved, state=damaged))
+        assert state_of(simulation) == [part.tobytes() for part in saved.state]
+
+
 @pytest.mark.parametrize('copied', COPIES, ids=['copy', 'deepcopy', 'pickle'])
 @pytest.mark.parametrize('method', pcs.METHODS)
 @pytest.mark.parametrize('chain', [ROBOT, FRICTION], ids=lambda chain: chain.name)
