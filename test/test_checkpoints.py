@@ -277,3 +277,16 @@ def test_numbers_of_a_method_that_do_not_fit_each_other_make_no_stepper(word, se
     for step in (0.0, -1e-3, np.nan, np.inf):
         with pytest.raises(ValueError, match='the kernel got a bad step'):
             _kernel.Stepper(plan_of(TWO_RODS).model, method_data(pcs.METHODS['rk4'], None), step, False)
+
+
+@pytest.mark.parametrize('method', pcs.METHODS)
+@pytest.mark.parametrize('chain', [TWO_RODS, FRICTION], ids=lambda chain: chain.name)
+def test_a_state_that_is_put_starts_anew(chain, method):
+    """Twin: one that has not moved before."""
+    going, twin = pcs.Simulation(chain, method), pcs.Simulation(chain, method)
+    going.advance(37)
+    for simulation in (going, twin):
+        simulation.set_state(np.full(chain.joint_count, 0.3), np.full(chain.joint_count, -0.2))
+        simulation.advance(40)
+    assert going.tick == twin.tick + 37 and going.position.tobytes() == twin.position.tobytes()
+    assert going.velocity.tobytes() == twin.velocity.tobytes()
