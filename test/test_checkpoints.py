@@ -96,6 +96,20 @@ def test_between_two_ticks_goes_into_an_adaptive_method_only():
         pcs.Simulation(TWO_RODS, 'rk4', 0.01).restore(going.checkpoint())
 
 
+@pytest.mark.parametrize('chain', [TWO_RODS, FRICTION], ids=lambda chain: chain.name)
+@pytest.mark.parametrize('method', ADAPTIVE)
+def test_between_two_ticks_may_be_at_the_second(method, chain):
+    """Then the next tick takes no time, and the method has not yet made any step."""
+    other, going = pcs.Simulation(chain, method, 0.01), pcs.Simulation(chain, 'rk4', 0.01)
+    going.advance(3)
+    other.restore(replace(going.checkpoint(), between=4 * 0.01))
+    other.advance(1)
+    assert other.tick == 4 and other.position.tobytes() == going.position.tobytes()
+    other.advance(1)
+    going.advance(1)
+    assert other.tick == 5 and np.abs(other.position - going.position).max() < 1e-6
+
+
 def test_another_chain_is_refused_and_a_changed_one_is_taken():
     heavier = replace(ROBOT, bodies=(replace(ROBOT.bodies[0], mass=9.0), *ROBOT.bodies[1:]))
     saved = pcs.Simulation(heavier).checkpoint()

@@ -131,6 +131,7 @@ def test_interrupted_among_events_what_slides_and_stands_is_as_before_the_tick(m
             simulation.advance(1)
         except pcs.Interrupted:
             stops += 1
+            assert stops < 20, 'a stop that has been heard is over'
             assert state_of(simulation) == before and not simulation.take_events()
             assert simulation.statistics['events'] == counted
         timer.join()
