@@ -59,21 +59,33 @@ soak: $(BENCH_READY) $(TEST_READY)
 	$(PY) -m planar_chain_sim.benchmark.soak --rate 2000 5000 --seconds 60
 	$(MAKE) fuzz races
 
-# The kernel's border with a kernel that watches its memory (`fuzz`) or its threads (`races`), for some minutes;
-# SECONDS=3600 for an hour. Linux and gcc: the sanitizer's library must come before Python.
+# The kernel's border with a kernel that watches its memory, then its arithmetic (`fuzz`), or its threads (`races`), for
+# some minutes each; SECONDS=3600 for an hour. Linux and gcc: a sanitizer's library must come before Python's.
 FUZZ_SECONDS := $(or $(SECONDS),300)
-WATCHED = mkdir -p build/$(1) && rm -rf build/$(1)/planar_chain_sim && cp -r planar_chain_sim config build/$(1) && \
-  rm -f build/$(1)/planar_chain_sim/_kernel*.so && $(CXX) -std=c++17 -O1 -g -ffp-contract=off -fvisibility=hidden -fPIC \
-  -shared -pthread -DPLANAR_CHAIN_NARROW $(2) $(KERNEL)/bindings.cpp -o build/$(1)/planar_chain_sim/_kernel.so \
-  $$($(PY) -c 'import pybind11, sysconfig; print("-I", sysconfig.get_path("include"), "-I", pybind11.get_include())')
-fuzz: $(TEST_READY)
-	$(call WATCHED,memory,-fsanitize=address -fsanitize=undefined -fno-sanitize-recover=all)
-	LD_PRELOAD="$$(for part in asan ubsan stdc++; do $(CXX) -print-file-name=lib$$part.so; done | xargs)" \
-	  ASAN_OPTIONS=detect_leaks=0:allocator_may_return_null=1 PYTHONPATH=build/memory $(PY) test/border_fuzz.py --seconds $(FUZZ_SECONDS) $(ARGS)
-races: $(TEST_READY)
-	$(call WATCHED,threads,-fsanitize=thread)
-	LD_PRELOAD=$$($(CXX) -print-file-name=libtsan.so) TSAN_OPTIONS='halt_on_error=1 report_signal_unsafe=0' \
-	  PYTHONPATH=build/threads $(PY) test/border_fuzz.py --races --seconds $(FUZZ_SECONDS) $(ARGS)
+WATCH_memory := -fsanitize=address
+WATCH_arithmetic := -fsanitize=undefined,float-cast-overflow -fno-sanitize-recover=all
+WATCH_threads := -fsanitize=thread
+build/watch-%.so: $(SOURCES) $(TEST_READY) Makefile
+	@mkdir -p build
+	$(CXX) -std=c++17 -O1 -g1 -ffp-contract=off -fvisibility=hidden -fPIC -shared -pthread -DPLANAR_CHAIN_NARROW \
+	  -D_GLIBCXX_ASSERTIONS $(WATCH_$*) $(KERNEL)/bindings.cpp -o $@ \
+	  $$($(PY) -c 'import pybind11, sysconfig; print("-I", sysconfig.get_path("include"), "-I", pybind11.get_include())')
+
+# The package beside the one in use, with that kernel.
+WATCHED = @rm -rf build/$(1) && mkdir build/$(1) && cp -r planar_chain_sim config build/$(1) && \
+  rm -f build/$(1)/planar_chain_sim/_kernel*.so && cp build/watch-$(1).so build/$(1)/planar_chain_sim/_kernel.so
+LIBRARIES = LD_PRELOAD="$$(for part in $(1); do $(CXX) -print-file-name=lib$$part.so; done | xargs)"
+FUZZ = PYTHONPATH=build/$(1) $(PY) test/border_fuzz.py --seconds $(FUZZ_SECONDS) $(2) $(ARGS)
+fuzz: build/watch-memory.so build/watch-arithmetic.so
+	$(call WATCHED,memory)
+	$(call LIBRARIES,asan stdc++) ASAN_OPTIONS=detect_leaks=0:allocator_may_return_null=1 $(call FUZZ,memory)
+	$(call WATCHED,arithmetic)
+	UBSAN_OPTIONS=print_stacktrace=1 $(call FUZZ,arithmetic)
+races: build/watch-threads.so
+	$(call WATCHED,threads)
+	@echo race:dl_deallocate_tls >build/threads/known   # the C library's own lock is not seen
+	$(call LIBRARIES,tsan) TSAN_OPTIONS='halt_on_error=1 report_signal_unsafe=0 suppressions=build/threads/known' \
+	  $(call FUZZ,threads,--races)
 
 # The kernel for another kind of processor, emulated, against the one here: needs a cross compiler and qemu-user.
 aarch64: $(RUN_READY)

@@ -6,6 +6,7 @@ Rows and columns are bodies in file order, welded ones included; the base has no
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf, isfinite
 from typing import NamedTuple, Optional
 
 import numpy as np
@@ -90,6 +91,18 @@ class Place(NamedTuple):
     turn: complex
 
 
+def _inertia_about_carrier(body, origin: complex, moment: complex, chain: Chain) -> float:
+    """Moment of inertia, kg m^2, of a welded body about its carrier's joint point; ValueError: it overflows."""
+    try:
+        inertia = body.inertia + body.mass * abs(origin)**2 + 2.0 * (origin.conjugate() * moment).real
+    except OverflowError:
+        inertia = inf
+    if not isfinite(inertia):
+        raise ValueError(f"body '{body.name}' of {chain.name} is welded on too far from a joint: its moment of inertia "
+                         'about that is not finite')
+    return inertia
+
+
 def merge_welded(chain: Chain) -> tuple[list[Link], complex, list[Place]]:
     """
     Return the chain's links in regular labelling: welded bodies merged into their carriers (equations.md 5).
@@ -112,7 +125,7 @@ def merge_welded(chain: Chain) -> tuple[list[Link], complex, list[Place]]:
                 grounded += body.mass * origin + moment
                 continue
             link = links[slot - 1]
-            link.inertia += body.inertia + body.mass * abs(origin)**2 + 2.0 * (origin.conjugate() * moment).real
+            link.inertia += _inertia_about_carrier(body, origin, moment, chain)
             link.moment += body.mass * origin + moment
             link.mass += body.mass
             continue

@@ -69,7 +69,7 @@ class Junk:
     def array(self, *shape):
         """Return an array of about this shape: wrong in size, type, order, place in memory or value now and then."""
         values = self.random.normal(size=tuple(map(self.size, shape)))
-        kind = self.random.integers(8) if self.beside() else None
+        kind = self.random.integers(8) if shape and self.beside() else None
         if kind == 0 and values.size:
             values.flat[self.random.integers(values.size)] = self.one_of(np.nan, np.inf, 1e300, -1e160, 5e-324)
         elif kind == 1:
@@ -200,7 +200,7 @@ class Fuzz:
             except pcs.SimulationError:
                 pass
             ends.append(one.position.tobytes())
-        assert ends[0] == ends[1], 'a copy goes elsewhere'
+        assert ends[0] == ends[1], f'a copy goes elsewhere: {self.simulation.plan}, {made.checkpoint()}'
 
     def wrenches(self):
         junk = self.junk
@@ -220,11 +220,35 @@ class Fuzz:
 
     def instants(self):
         junk, n = self.junk, self.joints
+        dense = junk.one_of(True, False)
         call, count = junk.one_of(
             (self.model.forward_dynamics, 3), (self.model.inverse_dynamics, 3), (self.model.mass_matrix, 1),
-            (self.model.derivatives, 3), (self.model.energy, 2),
-            (lambda q, v, u: self.model.evaluate_repeatedly(q, v, u, 3, junk.one_of(True, False)), 3))
+            (self.model.derivatives, 3), (self.model.energy, 2), (self.model.linearize, 3),
+            (self.model.largest_rate, 2),
+            (lambda q, v, u: self.model.forward_dynamics(q, v, u, dense), 3),
+            (lambda q, v, u: self.model.evaluate_repeatedly(q, v, u, int(junk.size(3)), dense), 3),
+            (lambda q, v, u: self.model.repeat(junk.one_of(*REPEATED), q, v, u, 2, dense), 3))
         call(*junk.arguments(*(junk.array(n) for _ in range(count))))
+
+    def numbers(self):
+        """Take arrays of any number of dimensions, angles however far."""
+        junk = self.junk
+        shape = [int(junk.random.integers(4)) for _ in range(junk.random.integers(4))]
+        given = _kernel.finite_array('x', junk.number() if junk.beside() else junk.array(*shape), shape)
+        assert given.shape == tuple(shape) and np.isfinite(given).all()
+        _kernel.plane_vector(*junk.arguments('x', junk.one_of(junk.array(2), (junk.number(), junk.number()))))
+        _kernel.unit_vector(junk.one_of(1e300, 1.7e308, 5e-324, np.nan, np.inf, junk.random.normal() * 1e9))
+
+    def takeover(self):
+        """Put a stepper in the place of another, of the same joints or not."""
+        junk, twin = self.junk, copy.copy(self.simulation)._stepper
+        other = pcs.Simulation(junk.one_of(self.chain, *CHAINS), junk.one_of(*pcs.METHODS))._stepper
+        other.advance(int(junk.one_of(0, 3)), None, None)
+        twin.adopt(*junk.arguments(junk.one_of(other, other, twin), junk.one_of(True, False)))
+        for one in (twin, other):
+            one.advance(2, None, None)
+        twin.take_coarse_step()
+        twin.take_events()
 
     def models(self):
         junk = self.junk
@@ -274,6 +298,7 @@ class Fuzz:
                                               junk.array(self.joints), 3, 'topic'))
 
 
+REPEATED = ('forward_dynamics', 'inverse_dynamics', 'mass_matrix', 'energy', 'linearize', 'nonsense')
 PROPERTIES = ('tick', 'time', 'position', 'velocity', 'effort', 'acceleration', 'statistics', 'has_events', 'plan',
               'wrenches', 'wrench_effort', 'payloads', 'chain', 'step', 'tolerance', 'method', 'form')
 CALLS = [name for name, value in vars(Fuzz).items() if callable(value) and name not in ('__init__', 'renew', 'data')]

@@ -10,6 +10,8 @@ import pytest
 import planar_chain_sim as pcs
 from planar_chain_sim import _kernel
 from planar_chain_sim.changes import apply_change
+from planar_chain_sim.integrators import method_data
+from planar_chain_sim.plan import plan_of
 from planar_chain_sim.quantities import changed_chain
 
 TWO_RODS = pcs.load_chain('double_pendulum.yaml')
@@ -92,6 +94,20 @@ def test_between_two_ticks_goes_into_an_adaptive_method_only():
     assert (other.tick, other.time) == (3, 0.0355)
     with pytest.raises(ValueError, match='time of the checkpoint is 0.0355 s'):
         pcs.Simulation(TWO_RODS, 'rk4', 0.01).restore(going.checkpoint())
+
+
+@pytest.mark.parametrize('chain', [TWO_RODS, FRICTION], ids=lambda chain: chain.name)
+@pytest.mark.parametrize('method', ADAPTIVE)
+def test_between_two_ticks_may_be_at_the_second(method, chain):
+    """Then the next tick takes no time, and the method has not yet made any step."""
+    other, going = pcs.Simulation(chain, method, 0.01), pcs.Simulation(chain, 'rk4', 0.01)
+    going.advance(3)
+    other.restore(replace(going.checkpoint(), between=4 * 0.01))
+    other.advance(1)
+    assert other.tick == 4 and other.position.tobytes() == going.position.tobytes()
+    other.advance(1)
+    going.advance(1)
+    assert other.tick == 5 and np.abs(other.position - going.position).max() < 1e-6
 
 
 def test_another_chain_is_refused_and_a_changed_one_is_taken():
@@ -184,6 +200,31 @@ def test_whatever_number_of_a_state_is_damaged_it_is_refused_or_harmless(chain, 
                 simulation.restore(with_part(5, cut))
 
 
+@pytest.mark.parametrize('method', pcs.METHODS)
+def test_what_stands_stands_where_the_state_says_and_what_is_left_of_sums_is_small(method):
+    simulation = pcs.Simulation(FRICTION, method)
+    for _ in range(3000):
+        simulation.advance(1)
+        saved = simulation.checkpoint()
+        position, velocity, *left, effort, steps = saved.state
+        if steps[10] == 1.0:   # after format, kind, whether under way, and efforts: whether each stands, and its sign
+            break
+    assert velocity[2] == 0.0
+    elsewhere, moving, excess = position.copy(), velocity.copy(), steps.copy()
+    elsewhere[2] += 1e-13
+    moving[2] = 1e-13
+    excess[14] = -1.0
+    excess[-1] = sum_of_bits(excess[:-1])
+    for damaged, word in [((elsewhere, velocity, *left, effort, steps), 'steps'),
+                          ((position, moving, *left, effort, steps), 'steps'),
+                          ((position, velocity, *left, effort, excess), 'steps'),
+                          ((position, velocity, left[0] + 1e-3, left[1], effort, steps), 'position remainder'),
+                          ((position, velocity, left[0], left[1] + 1e-3, effort, steps), 'velocity remainder')]:
+        with pytest.raises(ValueError, match=f'checkpoint is damaged: its {word} cannot be what was saved'):
+            simulation.restore(replace(saved, state=damaged))
+        assert state_of(simulation) == [part.tobytes() for part in saved.state]
+
+
 @pytest.mark.parametrize('copied', COPIES, ids=['copy', 'deepcopy', 'pickle'])
 @pytest.mark.parametrize('method', pcs.METHODS)
 @pytest.mark.parametrize('chain', [ROBOT, FRICTION], ids=lambda chain: chain.name)
@@ -217,3 +258,49 @@ def test_a_name_that_is_no_family_is_an_error():
         _kernel.MethodData('nonsense', 4, False, 0.0)
     with pytest.raises(ValueError, match="family of method 'rk4' is 'nonsense', must be one of 'explicit Runge-Kutta'"):
         replace(pcs.METHODS['rk4'], family='nonsense')
+
+
+@pytest.mark.parametrize('word, settings', [
+    ('order', {'order': 0}), ('order', {'order': 31}), ('order', {'family': 'taylor', 'order': 5}),
+    ('fixed', {'fixed': -1.0}), ('fixed', {'fixed': np.nan}), ('tolerance', {'tolerance': 0.0}),
+    ('tolerance', {'tolerance': 1.0}), ('tolerance', {'tolerance': np.nan}), ('gamma', {'gamma': 0.0}),
+    ('gamma', {'gamma': np.inf}), ('stages', {'stages': 65}), ('tableau', {'stages': -1}), ('tableau', {'stages': 3}),
+    ('tableau', {'a': [np.nan] * 4}), ('tableau', {'a': [0.0] * 3}), ('tableau', {'b': [1.0]}),
+    ('tableau', {'error': []}), ('tableau', {'c': [0.0]}), ('tableau', {'dense': [0.0] * 3}),
+    ('tableau', {'dense': [0.0] * 2}), ('adaptive', {'adaptive': False}),
+    ('adaptive', {'family': 'Gauss'}), ('adaptive', {'family': 'semi-implicit'}),
+    ('tableau', {'family': 'Gauss', 'adaptive': False, 'a': []}),
+    ('tableau', {'family': 'explicit Runge-Kutta', 'adaptive': False, 'a': [0.0, 1.0, 0.0, 0.0]}),
+    ('tableau', {'family': 'explicit Runge-Kutta', 'error': [0.0] * 3, 'dense_a': [0.0] * 5}),
+    ('tableau', {'family': 'explicit Runge-Kutta', 'error': [0.0] * 2}),
+    ('tableau', {'family': 'explicit Runge-Kutta', 'error': [0.0] * 3, 'dense': [0.0] * 4}),
+])
+def test_numbers_of_a_method_that_do_not_fit_each_other_make_no_stepper(word, settings):
+    """Each beside what is taken: the kernel reads rows of them at places that it works out from the others."""
+    good = {'stages': 2, 'a': [0.0, 0.0, 1.0, 0.0], 'b': [0.5, 0.5], 'error': [0.0] * 2, 'dense_a': [],
+            'dense': [0.0] * 4, 'c': [0.0] * 4, 'gamma': 0.3}
+    method = {'family': 'Rosenbrock', 'order': 6, 'adaptive': True, 'tolerance': 1e-6, 'fixed': 0.0}
+
+    def make(**changes):
+        tableau = _kernel.Tableau(*(changes.get(name, value) for name, value in good.items()))
+        data = _kernel.MethodData(*(changes.get(name, value) for name, value in method.items()), tableau)
+        return _kernel.Stepper(plan_of(TWO_RODS).model, data, 1e-3, False)
+    make()
+    with pytest.raises(ValueError, match=f'the kernel got a method with a bad {word}'):
+        make(**settings)
+    for step in (0.0, -1e-3, np.nan, np.inf):
+        with pytest.raises(ValueError, match='the kernel got a bad step'):
+            _kernel.Stepper(plan_of(TWO_RODS).model, method_data(pcs.METHODS['rk4'], None), step, False)
+
+
+@pytest.mark.parametrize('method', pcs.METHODS)
+@pytest.mark.parametrize('chain', [TWO_RODS, FRICTION], ids=lambda chain: chain.name)
+def test_a_state_that_is_put_starts_anew(chain, method):
+    """Twin: one that has not moved before."""
+    going, twin = pcs.Simulation(chain, method), pcs.Simulation(chain, method)
+    going.advance(37)
+    for simulation in (going, twin):
+        simulation.set_state(np.full(chain.joint_count, 0.3), np.full(chain.joint_count, -0.2))
+        simulation.advance(40)
+    assert going.tick == twin.tick + 37 and going.position.tobytes() == twin.position.tobytes()
+    assert going.velocity.tobytes() == twin.velocity.tobytes()

@@ -62,6 +62,7 @@ def test_interrupted_at_random_times_a_run_has_the_bits_of_a_whole_one(name, met
             simulation.advance(ticks - simulation.tick)
         except pcs.Interrupted as error:
             stops += 1
+            assert stops < 28, 'each has let it go on for longer'
             assert f'was interrupted at tick {simulation.tick}, t = {simulation.time!r} s' in str(error)
         timer.join()
         assert simulation.tick >= end
@@ -75,34 +76,69 @@ def test_interrupted_at_random_times_a_run_has_the_bits_of_a_whole_one(name, met
 @pytest.mark.parametrize('method', ADAPTIVE)
 @pytest.mark.parametrize('name', CHAINS)
 def test_interrupted_within_a_tick_of_many_steps_it_is_as_before_the_tick(name, method):
-    """The steps of a long tick under way are given up, and neither state nor events tell of them."""
+    """The steps of a long tick under way are given up; those that led to it, and go beyond it, are not."""
     chain, draw, stops = CHAINS[name], np.random.default_rng(2), 0
     step = 2.0 if name == 'rubbing' else 500.0
-    whole = whole_run(chain, method, step, 2)
+    whole = whole_run(chain, method, step, 3)
     events = whole.take_events()
-    simulation, told = pcs.Simulation(chain, method, step), []
-    while simulation.tick < 1 and stops < 12:
+    simulation = whole_run(chain, method, step, 1)
+    told = simulation.take_events()
+    while simulation.tick < 2 and stops < 12:
         before = state_of(simulation)
         timer = threading.Timer(draw.uniform(0.0, 1e-3), simulation.interrupt)
         timer.start()
         try:
-            simulation.advance_to(1.5 * step) if stops % 2 else simulation.advance(1)
+            simulation.advance_to(2.5 * step) if stops % 2 else simulation.advance(1)
             break
         except pcs.Interrupted:
             stops += 1
-            assert state_of(simulation) == before and not simulation.take_events()
+            between = simulation.tick == 2   # the stop came behind the whole tick on the way
+            assert state_of(simulation) == (state_of(whole_run(chain, method, step, 2)) if between else before)
+            fresh = simulation.take_events()
+            assert between or not fresh
+            told += fresh
         finally:
             timer.join()
     assert stops > 0 or name != 'double_pendulum'
     try:
-        simulation.advance(0 if simulation.tick == 2 else 1)
+        simulation.advance(0 if simulation.tick == 3 else 1)
     except pcs.Interrupted:   # by the timer that came after the end
         pass
-    simulation.advance_to(2.0 * step)
+    simulation.advance_to(3.0 * step)
     told += simulation.take_events()
     if simulation.time == whole.time:
         assert [part for part in state_of(simulation)[2:4]] == [part for part in state_of(whole)[2:4]]
         assert told == events or not events
+
+
+@pytest.mark.parametrize('method', ADAPTIVE)
+def test_interrupted_among_events_what_slides_and_stands_is_as_before_the_tick(method):
+    """The tick before has left steps under way, and each tick has many events."""
+    joints = ({'friction': 1e-4, 'velocity': 3.0}, {'lower': -1.0, 'upper': 1.5, 'restitution': 1.0})
+    chain = pcs.chain_from_dict({'name': 'creaking', 'bodies': [
+        {'name': name, 'carrier': carrier, 'origin': origin, 'mass': 1.0, 'center_of_mass': [0.5, 0.0],
+         'inertia_com': 0.1, 'rotation': {'joint': f'to_{name}', **joint}}
+        for name, carrier, origin, joint in (('a', 'base', [0.0, 0.0], joints[0]), ('b', 'a', [1.0, 0.0], joints[1]))]})
+    draw, stops, step, ticks = np.random.default_rng(3), 0, 20.0, 6
+    simulation, whole = pcs.Simulation(chain, method, step), whole_run(chain, method, step, ticks)
+    simulation.advance(1)
+    events = simulation.take_events()
+    while simulation.tick < ticks:
+        before, counted = state_of(simulation), simulation.statistics['events']
+        timer = threading.Timer(draw.uniform(0.0, 5e-3), simulation.interrupt if stops < 8 else int)
+        timer.start()
+        try:
+            simulation.advance(1)
+        except pcs.Interrupted:
+            stops += 1
+            assert stops < 20, 'a stop that has been heard is over'
+            assert state_of(simulation) == before and not simulation.take_events()
+            assert simulation.statistics['events'] == counted
+        timer.join()
+        events += simulation.take_events()
+    assert stops > 0 and len(events) > 20
+    assert state_of(simulation) == state_of(whole) and events == whole.take_events()
+    assert simulation.statistics['events'] == whole.statistics['events']
 
 
 @pytest.mark.parametrize('method', pcs.METHODS)

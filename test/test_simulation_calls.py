@@ -73,7 +73,10 @@ def test_whole_ticks_forgives_rounding_and_nothing_else():
 def test_records_and_checkpoints_that_do_not_fit_are_refused():
     simulation = pcs.Simulation(uniform_rods(2))
     good = np.empty((3, 2))
-    for bad in (np.empty((2, 2)), np.empty((3, 2), dtype=np.float32), np.empty((2, 3)).T):
+    fixed = np.empty((3, 2))
+    fixed.flags.writeable = False
+    odd = np.zeros(49, dtype=np.uint8)[1:].view(np.float64).reshape(3, 2)
+    for bad in (np.empty((2, 2)), np.empty((3, 2), dtype=np.float32), np.empty((2, 3)).T, fixed, odd):
         with pytest.raises(ValueError, match=r'must be C-ordered writeable float64 of shape \(3, 2\)'):
             simulation.advance(3, record=(good, good, bad))
     with pytest.raises(ValueError, match='checkpoint has 3 joints, must have 2'):

@@ -29,7 +29,8 @@ class AdaptiveStep : public Motion {
     if (stopped(joints())) progress.outcome = Outcome::interrupted;
     else prepare(now, tick, state, actuator);
     while (progress.outcome == Outcome::good && progress.ticks < ticks) {
-      if (!covers(since_origin(tick + progress.ticks + 1))) {
+      // Where there is no step yet, the next tick may still be now.
+      if (steps_.length == 0.0 || !covers(since_origin(tick + progress.ticks + 1))) {
         progress.outcome = extend(progress.joint);
         continue;
       }

@@ -77,8 +77,10 @@ inline const char* misfit(const MethodData& data) {
     case Family::rosenbrock:
       if (!data.adaptive) return "adaptive";
       if (!(std::isfinite(t.gamma) && t.gamma > 0.0)) return "gamma";
-      return square && size(t.c) == stages * stages && size(t.error) == stages && size(t.dense) % stages == 0 ? nullptr
-                                                                                                          : "tableau";
+      return square && size(t.c) == stages * stages && size(t.error) == stages && size(t.dense) % stages == 0 &&
+                     size(t.dense) >= 2 * stages   // read_from_rest() reads two rows
+                 ? nullptr
+                 : "tableau";
     case Family::explicit_runge_kutta:
       for (std::size_t row = 0; square && row < stages; ++row)
         for (std::size_t l = row; l < stages; ++l)

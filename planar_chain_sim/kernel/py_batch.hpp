@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <deque>
 #include <functional>
 #include <memory>
 #include <string>
@@ -83,14 +84,21 @@ inline void check_batch(const SceneModels& models, double step, std::int64_t tic
 }
 
 // Runs scenes of one model, or of a model each, with whether its form is dense and its method, which is one for all but
-// for adaptive ones, from states (scenes, joints) under efforts (1 or scenes, 1 or ticks, joints). Returns positions, velocities (scenes, ticks + 1, joints) and efforts
-// (scenes, ticks, joints), or, if not `every_tick`, with 1 and no rows; then ticks done, outcome, joint of each scene.
+// for adaptive ones, from states (scenes, joints) under efforts (1 or scenes, 1 or ticks, joints). Returns positions,
+// velocities (scenes, ticks + 1, joints) and efforts (scenes, ticks, joints), or, if not `every_tick`, with 1 and no rows;
+// then ticks done, outcome, joint of each scene.
 inline py::tuple roll_batch(const SceneModels& models, double step, std::int64_t ticks,
                      const Array& position, const Array& velocity, const Array& effort,
                      bool every_tick, int threads, int width) {
   check_batch(models, step, ticks, position, velocity, effort, threads, width);
   pc::Batch batch;
-  for (const auto& [model, dense, method] : models) batch.scenes.push_back({&model->chain(), &model->forces, dense});
+  // Others have the interpreter meanwhile: they may drop a model, or add to its forces.
+  std::vector<py::object> kept;
+  std::deque<pc::JointForces> forces;
+  for (const auto& [model, dense, method] : models) {
+    kept.push_back(py::cast(model)), kept.push_back(py::cast(method));
+    batch.scenes.push_back({&model->chain(), &forces.emplace_back(model->forces), dense});
+  }
   batch.count = position.shape(0), batch.joints = static_cast<int>(position.shape(1));
   batch.ticks = ticks, batch.step = step;
   batch.position = position.data(), batch.velocity = velocity.data(), batch.effort = effort.data();

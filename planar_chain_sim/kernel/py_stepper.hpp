@@ -6,6 +6,7 @@
 #include <complex>
 #include <cstdint>
 #include <cstring>
+#include <deque>
 #include <memory>
 #include <optional>
 #include <string>
@@ -30,8 +31,8 @@ class Stepper {
   Stepper(const py::object& model, const pc::MethodData& method, double step, bool dense)
       : scene_(std::make_unique<Scene>(model, method, checked(step, method), dense)),
         state_(model.cast<const Model&>().chain().joint_count), effort_(state_.position.size()),
-        latched_(state_.position.size()), zero_(state_.position.size()), step_(step), adaptive_(method.adaptive),
-        lookout_(stop_wanted_) {
+        latched_(state_.position.size()), zero_(state_.position.size()), step_(step),
+        joints_(static_cast<py::ssize_t>(effort_.size())), adaptive_(method.adaptive), lookout_(stop_wanted_) {
     scene_->integrator->look_out(&lookout_);
   }
   Stepper(const Stepper&) = delete;
@@ -81,9 +82,9 @@ class Stepper {
   // -1; or, with nothing changed, the joint whose position lies beyond a stop. ValueError: an array that is no good.
   int put_state(const py::handle& position, const py::handle& velocity) {
     const Numbers q("position", position, {joints()}), v("velocity", velocity, {joints()});
-    pc::JointState fresh(static_cast<int>(effort_.size()));   // arrays may change while another call is waited for
-    std::copy_n(q.data(), effort_.size(), fresh.position.begin());
-    std::copy_n(v.data(), effort_.size(), fresh.velocity.begin());
+    pc::JointState fresh(static_cast<int>(joints_));   // arrays may change while another call is waited for
+    std::copy_n(q.data(), joints_, fresh.position.begin());
+    std::copy_n(v.data(), joints_, fresh.velocity.begin());
     turn_.await();
     for (const auto& stop : scene_->forces.stops)
       if (fresh.position[stop.joint] < stop.lower || fresh.position[stop.joint] > stop.upper) return stop.joint;
@@ -99,7 +100,8 @@ class Stepper {
     std::vector<double> kept = {kept_format};
     scene_->integrator->save(kept);
     kept.push_back(sum_of_bits(kept.data(), kept.size()));
-    return py::make_tuple(tick_, between_ ? py::object(py::float_(*between_)) : py::none(),
+    const std::int64_t tick = tick_;   // a tuple may set off the garbage collector, and that another thread
+    return py::make_tuple(tick, between_ ? py::object(py::float_(*between_)) : py::none(),
                           py::make_tuple(make_array(state_.position), make_array(state_.velocity),
                                          make_array(state_.position_remainder), make_array(state_.velocity_remainder),
                                          make_array(effort_), make_array(kept)));
@@ -169,17 +171,19 @@ class Stepper {
     if (fresh.turn_.busy()) throw py::value_error("the kernel got a stepper that is at work");
     if (&fresh == this || fresh.effort_.size() != effort_.size())
       throw py::value_error("the kernel got a chain with other joints");
-    const py::tuple before = py::make_tuple(counts(), take_events());
+    const pc::Counts counted = scene_->integrator->counts;
+    const std::deque<pc::JointEvent> events = take();
     std::swap(scene_, fresh.scene_);
     scene_->integrator->look_out(&lookout_), fresh.scene_->integrator->look_out(&fresh.lookout_);
     step_ = fresh.step_, adaptive_ = fresh.adaptive_;
     if (with_state) {
       state_ = fresh.state_, effort_ = fresh.effort_, tick_ = fresh.tick_, between_ = fresh.between_;
-      return before;
+    } else {
+      const auto* former = dynamic_cast<const pc::EventDriven*>(fresh.scene_->integrator.get());
+      auto* driven = dynamic_cast<pc::EventDriven*>(scene_->integrator.get());
+      if (driven != nullptr && former != nullptr) driven->adopt(*former);
     }
-    const auto* former = dynamic_cast<const pc::EventDriven*>(fresh.scene_->integrator.get());
-    if (auto* driven = dynamic_cast<pc::EventDriven*>(scene_->integrator.get()); driven && former) driven->adopt(*former);
-    return before;
+    return py::make_tuple(tuple_of(counted), list_of(events));
   }
 
   std::int64_t tick() { return turn_.await(), tick_; }
@@ -191,8 +195,7 @@ class Stepper {
   void set_told(bool told) { told_ = told; }
   py::tuple counts() {
     turn_.await();
-    const pc::Counts& counts = scene_->integrator->counts;
-    return py::make_tuple(counts.evaluations, counts.steps, counts.rejected_steps, counts.events);
+    return tuple_of(scene_->integrator->counts);
   }
 
   // Accelerations under the efforts that acted last, with what stands standing; -1, or the joint whose pivot vanished.
@@ -215,13 +218,7 @@ class Stepper {
   // (tick, s behind it, kind, joint, speed) of each event since the last call, the newest few thousand.
   py::list take_events() {
     turn_.await();
-    py::list taken;
-    if (auto* driven = dynamic_cast<pc::EventDriven*>(scene_->integrator.get())) {
-      for (const pc::JointEvent& event : driven->events)
-        taken.append(py::make_tuple(event.tick, event.offset, static_cast<int>(event.kind), event.joint, event.speed));
-      driven->events.clear();
-    }
-    return taken;
+    return list_of(take());
   }
 
  private:
@@ -245,6 +242,23 @@ class Stepper {
     }
     const pc::Chain& chain() const { return model.cast<const Model&>().chain(); }
   };
+
+  static py::tuple tuple_of(const pc::Counts& counts) {
+    return py::make_tuple(counts.evaluations, counts.steps, counts.rejected_steps, counts.events);
+  }
+
+  // The events, out of reach of another thread: what Python makes of them may set off the garbage collector, and that one.
+  std::deque<pc::JointEvent> take() {
+    std::deque<pc::JointEvent> events;
+    if (auto* driven = dynamic_cast<pc::EventDriven*>(scene_->integrator.get())) std::swap(events, driven->events);
+    return events;
+  }
+  static py::list list_of(const std::deque<pc::JointEvent>& events) {
+    py::list list;
+    for (const pc::JointEvent& event : events)
+      list.append(py::make_tuple(event.tick, event.offset, static_cast<int>(event.kind), event.joint, event.speed));
+    return list;
+  }
 
   static double checked(double step, const pc::MethodData& method) {
     if (const char* word = pc::misfit(method)) throw py::value_error(std::string("the kernel got a method with a bad ") + word);
@@ -362,7 +376,7 @@ class Stepper {
     return static_cast<double>(sum >> 12);
   }
 
-  py::ssize_t joints() const { return static_cast<py::ssize_t>(effort_.size()); }
+  py::ssize_t joints() const { return joints_; }
   double time() const { return between_ ? *between_ : static_cast<double>(tick_) * step_; }
 
   std::unique_ptr<Scene> scene_;
@@ -371,6 +385,7 @@ class Stepper {
   std::optional<double> between_;  // s, the time where that is behind the tick
   std::vector<double> effort_, latched_, zero_;
   double step_;
+  const py::ssize_t joints_;       // for who does not wait, too
   bool adaptive_, told_ = false;   // the last: of a coarse step
   std::atomic<bool> stop_wanted_{false};
   pc::Lookout lookout_;

@@ -6,9 +6,14 @@
 
 #include "lanes.hpp"
 
-// -DPLANAR_CHAIN_NARROW leaves the wide ones out, for builds that take long.
-#if defined(__x86_64__) && !defined(PLANAR_CHAIN_NARROW)
+// -DPLANAR_CHAIN_NARROW leaves the wide ones out and inlines less: for builds that take long, as with a sanitizer.
+#ifdef PLANAR_CHAIN_NARROW
+#define PLANAR_CHAIN_FLAT
+#else
+#define PLANAR_CHAIN_FLAT __attribute__((flatten))
+#ifdef __x86_64__
 #define PLANAR_CHAIN_VECTORS
+#endif
 #endif
 
 namespace planar_chain {
@@ -21,7 +26,7 @@ template <>
 struct VectorWidth<2> {
   static bool exists() { return true; }
   template <class Work>
-  __attribute__((flatten)) static void run(Work& work) {
+  PLANAR_CHAIN_FLAT static void run(Work& work) {
     work.run();
   }
 };
