@@ -233,3 +233,55 @@ def test_a_wrench_acts_at_once_on_what_slides_sticks_and_rests(method):
     pushed.advance(50)
     driven.advance(50)
     np.testing.assert_allclose(pushed.position, driven.position, rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize('seed', range(60))
+def test_no_impact_gives_energy(seed):
+    """Invariant: arms on their stops with any rates and restitutions, also where one is thrown back as it leaves."""
+    random = np.random.default_rng(seed)
+    bodies = []
+    for k in range(int(random.integers(2, 5))):
+        joint = {'joint': f'j{k}', 'velocity': random.normal(), random.choice(['lower', 'upper']): 0.0,
+                 'restitution': float(random.choice([0.0, 0.5, 0.9, 1.0]))}
+        bodies.append({'name': f'b{k}', 'carrier': f'b{k - 1}' if k else 'base', 'origin': [1.0 if k else 0.0, 0.0],
+                       'mass': 1.0, 'inertia_com': 0.1, 'center_of_mass': [0.5, 0.0],
+                       **({'slide': {'axis': random.normal(), **joint}} if random.random() < 0.3
+                          else {'rotation': joint})})
+    chain = pcs.chain_from_dict({'name': 'arm', 'gravity': [0.0, 0.0], 'bodies': bodies})
+    for method, tolerance in (('taylor', 1e-12), ('rk4', None)):
+        simulation = pcs.Simulation(chain, method, tolerance=tolerance)
+        energy = sum(pcs.energy(chain, simulation.position, simulation.velocity))
+        for _ in range(50):
+            simulation.advance(1)
+            now = sum(pcs.energy(chain, simulation.position, simulation.velocity))
+            assert now <= energy * (1.0 + 1e-9) + 1e-12
+            energy = now
+
+
+@pytest.mark.parametrize('method', STIFF_TOO)
+def test_what_holds_a_joint_by_symmetry_alone_is_no_event(method):
+    """A body that falls onto a stop and turns there, and an arm that turns as one: lambda is zero but for rounding."""
+    fallen = pcs.chain_from_dict({'name': 'fallen', 'gravity': [0.0, 0.0], 'bodies': [
+        {'name': 'b', 'carrier': 'base', 'mass': 1.0, 'inertia_com': 0.1, 'center_of_mass': [0.5, 0.0],
+         'slide': {'joint': 'j1', 'axis': np.pi / 2, 'velocity': -1.0, 'lower': -1e-6}, 'rotation': {'joint': 'j2'}}]})
+    turning = pcs.chain_from_dict({'name': 'turning', 'gravity': [0.0, 0.0], 'bodies': [
+        {'name': f'b{k}', 'carrier': f'b{k - 1}' if k else 'base', 'origin': [1.0 if k else 0.0, 0.0], 'mass': 1.0,
+         'inertia_com': 0.1, 'center_of_mass': [0.5 if k < 2 else 0.0, 0.0],
+         'rotation': {'joint': f'j{k}', **({} if k else {'velocity': -0.7}), **({'lower': 0.0} if k == 2 else {})}}
+        for k in range(3)]})
+    for chain in (fallen, turning):
+        simulation = pcs.Simulation(chain, method)
+        simulation.advance(300)
+        assert simulation.tick == 300 and simulation.statistics['events'] < 5
+
+
+@pytest.mark.parametrize('method', STIFF_TOO)
+def test_friction_that_stops_a_joint_within_a_tiny_part_of_a_step_ends_no_run(method):
+    """Oracle: the slide has what is left of the momentum, m c omega sin(axis) / m."""
+    chain = pcs.chain_from_dict({'name': 'strong', 'gravity': [0.0, 0.0], 'bodies': [
+        {'name': 'b', 'carrier': 'base', 'mass': 1.0, 'inertia_com': 0.1, 'center_of_mass': [0.5, 0.0],
+         'slide': {'joint': 's', 'axis': 0.5}, 'rotation': {'joint': 'r', 'velocity': 0.6, 'friction': 1e6}}]})
+    simulation = pcs.Simulation(chain, method)
+    simulation.advance(50)
+    assert [event.kind for event in simulation.take_events()] == ['stuck']
+    assert simulation.velocity[0] == pytest.approx(0.3 * np.sin(0.5), abs=1e-6) and simulation.velocity[1] == 0.0

@@ -199,8 +199,7 @@ class EventDriven final : public Integrator {
     for (int happened = 0; at < to;) {
       if (!motion_) return true;               // everything stands, under efforts that do not change
       part_.gather(state, moved_);
-      length_ = motion_->look(tick, at, to, moved_, part_.effort.data(), passed, progress);
-      if (progress.outcome != Outcome::good) return failed(progress);
+      if (!look(tick, at, to, passed, progress)) return failed(progress);
       const double wanted = motion_->into_step(to);
       passed = wanted > length_;
       const double asked = passed ? length_ : wanted;
@@ -225,6 +224,23 @@ class EventDriven final : public Integrator {
       if (!happen(tick, at, state, progress)) return false;
     }
     return true;
+  }
+
+  // A step from moved_. A fixed one may be too long for what an event would end soon, as strong friction; then a part of it.
+  bool look(std::int64_t tick, double at, double to, bool passed, Progress& progress) {
+    length_ = motion_->look(tick, at, to, moved_, part_.effort.data(), passed, progress);
+    if (method_.adaptive || watches_.empty() || progress.outcome == Outcome::interrupted)
+      return progress.outcome == Outcome::good;
+    if (progress.outcome == Outcome::good && show(length_, later_, progress)) return true;
+    const Progress first = progress;
+    for (double part = 0.0625; part > 1e-10; part *= 0.0625) {
+      progress.outcome = Outcome::good;
+      length_ = motion_->look(tick, at, at + part * (to - at), moved_, part_.effort.data(), passed, progress);
+      if (progress.outcome == Outcome::interrupted) return false;
+      if (progress.outcome == Outcome::good && show(length_, later_, progress)) return true;
+    }
+    progress.outcome = first.outcome, progress.joint = first.joint;
+    return false;
   }
 
   bool failed(Progress& progress) {
@@ -268,6 +284,8 @@ class EventDriven final : public Integrator {
     if (!motion_->reads_densely() || holds_) {
       if (!show(0.0, located_, progress) || !accelerate(located_, progress)) return false;
       if (holds_) {
+        part_.scatter(located_, full_);
+        if (!holding_.factorise(full_, held_.data(), progress)) return false;
         find_lambda(located_);
         find_margin();
       }

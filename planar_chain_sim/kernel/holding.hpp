@@ -35,6 +35,9 @@ constexpr LeastRebound least_rebound_of_many{1e-3, 3e-4};
 // infinitely often in no time.
 constexpr double at_once = 1e-8;
 
+// Impacts of one moment that rebound; then they end.
+constexpr int most_rounds = 8;
+
 class Holding {
  public:
   static constexpr double infinity = std::numeric_limits<double>::infinity();
@@ -50,7 +53,7 @@ class Holding {
       : friction(chain.joint_count), lower(chain.joint_count, -infinity), upper(chain.joint_count, infinity),
         restitution(chain.joint_count), standing(chain.joint_count), sign(chain.joint_count), places(chain.joint_count),
         give(chain.joint_count), chain_(chain), forces_(forces), joints_(chain.joint_count), recursion_(chain),
-        right_hand_side_(chain, forces), acceleration_(joints_), answer_(joints_), unit_(joints_), size_(joints_) {
+        right_hand_side_(chain, forces), acceleration_(joints_), answer_(joints_), unit_(joints_), size_(joints_), unsure_(joints_) {
     for (const auto& law : forces.frictions) friction[law.joint] = law.friction;
     for (const auto& law : forces.stops)
       lower[law.joint] = law.lower, upper[law.joint] = law.upper, restitution[law.joint] = law.restitution;
@@ -67,43 +70,31 @@ class Holding {
   // Impacts of all joints that are on a stop and move into it, together; which they were, and how fast, goes to `touched`.
   // `held`: efforts of the actuators.
   bool collide(JointState& state, const double* held, std::vector<std::pair<int, double>>& touched, Progress& progress) {
-    touching_.clear(), way_.clear();
-    int resting = 0;
+    bool approaches = false;
     for (int j = 0; j < joints_; ++j) {
       const double n = on_lower(j, state.position[j]) ? 1.0 : on_upper(j, state.position[j]) ? -1.0 : 0.0;
-      if (n == 0.0 || n * state.velocity[j] > 0.0) continue;
-      touching_.push_back(j), way_.push_back(n);
-      if (state.velocity[j] == 0.0) ++resting;
-      else touched.emplace_back(j, std::fabs(state.velocity[j]));
+      approaches = approaches || n * state.velocity[j] < 0.0;
     }
-    if (touched.empty()) return true;
+    if (!approaches) return true;
     if (!factorise(state, held, progress)) return false;
-    // A gentle impact ends at once, and moves nothing that stands: else two joints on their stops might push each other
-    // off, weaker and weaker, for ever. It only takes energy, as a projection does.
-    bool gently = true;
-    for (std::size_t i = 0; i < touching_.size(); ++i) {
-      const int j = touching_[i];
-      const LeastRebound& least = resting > 0 ? least_rebound_of_many : least_rebound;
-      gently = gently && std::fabs(state.velocity[j]) <= least.with(-way_[i] * acceleration_[j]);
-    }
-    if (gently)
-      for (int j = 0; j < joints_; ++j)
-        if (standing[j] && state.velocity[j] == 0.0 &&
-            std::find(touching_.begin(), touching_.end(), j) == touching_.end())
-          touching_.push_back(j), way_.push_back(1.0);
-    const JointState before = state;
-    for (std::size_t count = 0; count < touching_.size();) {
-      count = touching_.size();
-      state = before;
-      strike(state, gently);
-      // Who is thrown at a stop so close that it is there at once belongs to this impact.
-      for (int j = 0; j < joints_; ++j) {
-        const double v = state.velocity[j], n = v < 0.0 ? 1.0 : -1.0, at = state.position[j];
-        const double gap = v < 0.0 ? at - lower[j] : upper[j] - at;
-        if (v == 0.0 || !(gap <= at_once * std::fabs(v))) continue;
-        if (std::find(touching_.begin(), touching_.end(), j) != touching_.end()) continue;
-        touching_.push_back(j), way_.push_back(n);
-        touched.emplace_back(j, std::fabs(v));
+    // A joint that is thrown at its stop by an impact, and is there at once, has one of its own, and may throw others.
+    for (int rounds = 0; rounds < 2 * most_rounds && find_touching(state, rounds > 0, touched); ++rounds) {
+      if (rounds < most_rounds && gentle(state)) {
+        // It ends at once, and moves nothing that stands: else two joints on their stops might push each other off, weaker
+        // and weaker, for ever. It only takes energy, as a projection does.
+        for (int j = 0; j < joints_; ++j)
+          if (standing[j] && state.velocity[j] == 0.0) touch(j, 1.0);
+        strike(state, Impact::holding);
+      } else if (rounds < most_rounds) {
+        strike(state, Impact::rebounding);
+      } else {
+        // They throw each other back and forth without end: the nearest motion that goes into no stop.
+        for (int j = 0; j < joints_; ++j) {
+          const double near = at_once * (1.0 + std::fabs(state.velocity[j]));
+          if (state.position[j] - lower[j] <= near) touch(j, 1.0);
+          if (upper[j] - state.position[j] <= near) touch(j, -1.0);
+        }
+        strike(state, Impact::ending);
       }
     }
     return true;
@@ -150,12 +141,16 @@ class Holding {
     for (int j = 0; j < joints_; ++j) lambda[j] -= effort[j];
   }
 
-  // After find_lambda() with the same arguments: how far rounding may have carried each lambda. Of n numbers of a size
-  // the sum is off by at most n eps times that (Higham, Accuracy and Stability, 3.1); there are some ten for a link, and
-  // a few more in each number. Nothing where nothing was rounded: efforts alone are compared to the last bit.
-  void find_rounding(const JointState& state, const double* acceleration, const double* lambda,
-                     double* rounding_of) {
-    recursion_.sizes(state.velocity.data(), acceleration, true, size_.data());
+  // After find_lambda() with the same arguments, and the mass matrix factorised there: how far rounding may have carried
+  // each lambda. Of n numbers of a size the sum is off by at most n eps times that (Higham, Accuracy and Stability, 3.1);
+  // there are some ten for a link, and a few more in each number. An acceleration of a moving joint is as far off as the
+  // balance that it comes from. Nothing where nothing was rounded: efforts alone are compared to the last bit.
+  void find_rounding(const JointState& state, const double* acceleration, const double* lambda, double* rounding_of) {
+    recursion_.sizes(state.velocity.data(), acceleration, size_.data());
+    recursion_.pivot_inverses(answer_.data());
+    for (int j = 0; j < joints_; ++j)
+      unsure_[j] = standing[j] ? 0.0 : std::fabs(acceleration[j]) + size_[j] * answer_[j];
+    recursion_.sizes(state.velocity.data(), unsure_.data(), size_.data());
     for (const auto& law : forces_.springs)
       if (law.stiffness * (state.position[law.joint] - law.rest) != 0.0)
         size_[law.joint] += law.stiffness * (std::fabs(state.position[law.joint]) + std::fabs(law.rest));
@@ -172,17 +167,60 @@ class Holding {
     return (16.0 + 10.0 * chain_.link_count()) * std::numeric_limits<double>::epsilon() * size;
   }
 
+  // Factors of the mass matrix of all joints, and the accelerations that they would have with nothing held.
+  bool factorise(const JointState& state, const double* held, Progress& progress) {
+    const double* effort = right_hand_side_.efforts(state, held);
+    const JointState& near = right_hand_side_.near();
+    const int joint = recursion_.evaluate(near.position.data(), near.velocity.data(), effort, acceleration_.data());
+    progress.outcome = outcome_of(joint, near.position.data(), joints_), progress.joint = joint;
+    return joint < 0;
+  }
+
  private:
-  // After factorise(): the impact of touching_ changes the velocities.
-  void strike(JointState& state, bool gently) {
+  enum class Impact { rebounding, ending, holding };   // by restitution; by none; and nothing leaves its stop
+
+  void touch(int j, double way) {
+    if (std::find(touching_.begin(), touching_.end(), j) == touching_.end()) touching_.push_back(j), way_.push_back(way);
+  }
+
+  // Joints on a stop that do not leave it, and where an impact has been those that are on their way `at once`; true where
+  // any moves into it, which are told.
+  bool find_touching(const JointState& state, bool thrown, std::vector<std::pair<int, double>>& touched) {
+    touching_.clear(), way_.clear(), resting_ = 0;
+    bool approaches = false;
+    for (int j = 0; j < joints_; ++j) {
+      const double at = state.position[j], v = state.velocity[j];
+      double n = on_lower(j, at) ? 1.0 : on_upper(j, at) ? -1.0 : 0.0;
+      if (n == 0.0 && thrown && v != 0.0 && (v < 0.0 ? at - lower[j] : upper[j] - at) <= at_once * std::fabs(v))
+        n = v < 0.0 ? 1.0 : -1.0;
+      if (n == 0.0 || n * v > 0.0) continue;
+      touch(j, n);
+      if (v == 0.0) ++resting_;
+      else approaches = true, touched.emplace_back(j, std::fabs(v));
+    }
+    return approaches;
+  }
+
+  // Whether all that touching joints would rebound with is none.
+  bool gentle(const JointState& state) const {
+    const LeastRebound& least = resting_ > 0 ? least_rebound_of_many : least_rebound;
+    for (std::size_t i = 0; i < touching_.size(); ++i)
+      if (std::fabs(state.velocity[touching_[i]]) > least.with(-way_[i] * acceleration_[touching_[i]])) return false;
+    return true;
+  }
+
+  // After factorise(): the impact of touching_ changes the velocities. Each takes energy: of a rebound as no joint leaves
+  // its stop before, of the others as they project.
+  void strike(JointState& state, Impact kind) {
     const std::size_t count = touching_.size();
     BoxProblem impact(count);
     std::vector<double> target(count);
     for (std::size_t i = 0; i < count; ++i) {
       const int j = touching_[i];
       const double speed = way_[i] * state.velocity[j], rebound = -restitution[j] * speed;
-      target[i] = rebound > least_rebound.with(-way_[i] * acceleration_[j]) && !gently ? rebound : 0.0;
-      impact.b[i] = speed - target[i], impact.upper[i] = infinity, impact.lower[i] = gently ? -infinity : 0.0;
+      if (kind == Impact::rebounding && rebound > least_rebound.with(-way_[i] * acceleration_[j])) target[i] = rebound;
+      impact.b[i] = speed - target[i], impact.upper[i] = infinity;
+      impact.lower[i] = kind == Impact::holding ? -infinity : 0.0;
       respond(j);
       for (std::size_t k = 0; k < count; ++k) impact.W[k * count + i] = way_[i] * way_[k] * answer_[touching_[k]];
     }
@@ -210,15 +248,6 @@ class Holding {
         put_rate(state, touching_[i], way_[i] * target[i]);
   }
 
-  // Factors of the mass matrix of all joints, and the accelerations that they would have with nothing held.
-  bool factorise(const JointState& state, const double* held, Progress& progress) {
-    const double* effort = right_hand_side_.efforts(state, held);
-    const JointState& near = right_hand_side_.near();
-    const int joint = recursion_.evaluate(near.position.data(), near.velocity.data(), effort, acceleration_.data());
-    progress.outcome = outcome_of(joint, near.position.data(), joints_), progress.joint = joint;
-    return joint < 0;
-  }
-
   // answer_ <- column j of the inverse mass matrix.
   void respond(int j) {
     unit_[j] = 1.0;
@@ -243,9 +272,10 @@ class Holding {
   const int joints_;
   Recursion recursion_;
   RightHandSide right_hand_side_;
-  std::vector<double> acceleration_, answer_, unit_, size_;
+  std::vector<double> acceleration_, answer_, unit_, size_, unsure_;
   std::vector<int> touching_;   // joints of an impact
   std::vector<double> way_;     // off their stops, +1 or -1
+  int resting_ = 0;             // how many of them rest there
 };
 
 }  // namespace planar_chain

@@ -178,8 +178,16 @@ class RecursionOf final : public FormOf<Real> {
   }
 
   // After inverse(): of what size the sums are that make up its efforts, zero where nothing is added: to judge how far
-  // rounding can carry them. Componentwise, so that what is exact by an angle of zero stays so.
-  void sizes(const Real* velocity, const Real* acceleration, bool gravity, Real* size);
+  // rounding can carry them. Gravity by component, so that what is exact by an angle of zero stays so.
+  void sizes(const Real* velocity, const Real* acceleration, Real* size);
+
+  // After forward(): what accelerations of the joints an effort of 1 gives, with all joints inboard held.
+  void pivot_inverses(Real* inverse) const {
+    for (int i = 1; i <= chain_.link_count(); ++i) {
+      if (turns(chain_.links[i])) inverse[chain_.links[i].rotation] = state_[i].turn_inverse;
+      if (slides(chain_.links[i])) inverse[chain_.links[i].slide] = state_[i].slide_inverse;
+    }
+  }
 
   // Kinetic energy with armature, and potential energy of gravity: equations.md 6.1.
   void energy(const Real* position, const Real* velocity, Real& kinetic, Real& potential);
@@ -400,48 +408,48 @@ class RecursionOf final : public FormOf<Real> {
 using Recursion = RecursionOf<double>;
 
 template <class Real, bool Plain>
-void RecursionOf<Real, Plain>::sizes(const Real* velocity, const Real* acceleration, bool gravity, Real* size) {
+void RecursionOf<Real, Plain>::sizes(const Real* velocity, const Real* acceleration, Real* size) {
   const auto magnitude = [](const Real& x) { return x < Real(0.0) ? -x : x; };
+  const auto both = [&](const Vec& v) { return magnitude(v.x) + magnitude(v.y); };
   // An angle is a rounded sum, so that a vector turned by it is off in each component by part of both.
   const auto turned = [&](const Vec& v, int link) {
-    const Vec each = {magnitude(v.x), magnitude(v.y)};
-    return sine_[link] == Real(0.0) ? each : Vec{each.x + each.y, each.x + each.y};
+    return sine_[link] == Real(0.0) ? Vec{magnitude(v.x), magnitude(v.y)} : Vec{both(v), both(v)};
   };
-  const auto across = [](const Vec& v) { return Vec{v.y, v.x}; };
+  const auto across = [](const Vec& a, const Vec& b) { return a.x * b.y + a.y * b.x; };
   struct Size {
-    Real rate = 0.0, angular = 0.0, torque = 0.0;
-    Vec linear, force, lever, moment;
+    Real rate = 0.0, angular = 0.0, linear = 0.0, force = 0.0, torque = 0.0;  // of motion, whatever its direction
+    Vec weight;                                                               // of gravity, by component
   };
   std::vector<Size> of(state_.size());
-  if (gravity) of[0].linear = {magnitude(chain_.gravity_x), magnitude(chain_.gravity_y)};
+  const Vec gravity = {magnitude(chain_.gravity_x), magnitude(chain_.gravity_y)};
   for (int i = 1; i <= chain_.link_count(); ++i) {
     const Link& link = chain_.links[i];
     const Size& p = of[link.carrier];
     Size& s = of[i];
     s.rate = p.rate, s.angular = p.angular;
-    s.lever = turned(state_[i].lever, link.carrier), s.moment = turned(state_[i].moment, i);
-    s.linear = p.linear + p.angular * across(s.lever) + (p.rate * p.rate) * s.lever;
-    if (slides(link)) {
-      const Vec axis = turned(state_[i].slide_axis, link.carrier);
-      s.linear = s.linear + magnitude(acceleration[link.slide]) * axis +
-                 (2.0 * p.rate * magnitude(velocity[link.slide])) * across(axis);
-    }
+    s.linear = p.linear + (p.angular + p.rate * p.rate) * both(state_[i].lever);
+    if (slides(link))
+      s.linear += (magnitude(acceleration[link.slide]) + 2.0 * p.rate * magnitude(velocity[link.slide])) *
+                  both(state_[i].slide_axis);
     if (turns(link)) {
       s.rate += magnitude(velocity[link.rotation]), s.angular += magnitude(acceleration[link.rotation]);
     }
-    s.force = link.mass * s.linear + s.angular * across(s.moment) + (s.rate * s.rate) * s.moment;
-    s.torque = link.inertia * s.angular + dot(across(s.moment), s.linear);
+    const Real moment = both(state_[i].moment);
+    s.force = link.mass * s.linear + (s.angular + s.rate * s.rate) * moment;
+    s.torque = link.inertia * s.angular + moment * s.linear + across(turned(state_[i].moment, i), gravity);
+    s.weight = link.mass * gravity;
   }
   for (int i = chain_.link_count(); i >= 1; --i) {
     const Link& link = chain_.links[i];
     const Size& s = of[i];
     if (turns(link)) size[link.rotation] = s.torque + link.rotor * magnitude(acceleration[link.rotation]);
     if (slides(link))
-      size[link.slide] = dot(turned(state_[i].slide_axis, link.carrier), s.force) +
+      size[link.slide] = both(state_[i].slide_axis) * s.force + dot(turned(state_[i].slide_axis, link.carrier), s.weight) +
                          link.slide_armature * magnitude(acceleration[link.slide]);
     if (link.carrier == 0) continue;
-    of[link.carrier].force = of[link.carrier].force + s.force;
-    of[link.carrier].torque += s.torque + dot(across(s.lever), s.force);
+    Size& p = of[link.carrier];
+    p.force += s.force, p.weight = p.weight + s.weight;
+    p.torque += s.torque + both(state_[i].lever) * s.force + across(turned(state_[i].lever, link.carrier), s.weight);
   }
 }
 
