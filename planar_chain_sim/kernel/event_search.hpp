@@ -42,9 +42,9 @@ class EventSearch {
     return look(evaluate, a, at_a, b, at_b, none, most_depth);
   }
 
-  // Between low, where function `which` is not negative, and high, where it is: moves both towards each other until they
-  // are neighbours, by inverse quadratic interpolation where that is safe, else by halving: T. R. Chandrupatla, Advances
-  // in Engineering Software 28 (1997), 145-149. `value(time, f)` gives the function, or false.
+  // Between low, where function `which` is not negative, and high, where it is: moves both towards each other until
+  // they are neighbours, by inverse quadratic interpolation where that is safe, else by halving: T. R. Chandrupatla,
+  // Advances in Engineering Software 28 (1997), 145-149. `value(time, f)` gives the function, or false.
   template <class Value>
   static bool close_in(Value&& value, double& low, double f_low, double& high, double f_high) {
     double a = high, f_a = f_high, b = low, f_b = f_low, t = 0.5;   // a is the newest

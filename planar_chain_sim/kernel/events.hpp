@@ -10,8 +10,8 @@
 //
 // Each is the first time at which a watch, a smooth function, becomes negative (event_search.hpp). They are looked for
 // step by step of the method, not tick by tick. What happens then is decided for all joints together (holding.hpp), by
-// the numbers that the watches are made of: a joint stands where lambda is within its bounds but for twice what rounding
-// may do to it, and breaks away beyond four times that. So neither can call for the other at the same place.
+// the numbers that the watches are made of: a joint stands where lambda is within its bounds but for twice what
+// rounding may do to it, and breaks away beyond four times that. So neither can call for the other at the same place.
 #pragma once
 
 #include <algorithm>
@@ -44,7 +44,8 @@ class EventDriven final : public Integrator {
   EventDriven(const Chain& chain, const JointForces& forces, const MethodData& method, double step, bool dense)
       : chain_(chain), forces_(forces), method_(method), step_(step), dense_(dense), joints_(chain.joint_count),
         holding_(chain, forces), part_(chain, forces), held_(joints_), lambda_(joints_), rounding_(joints_),
-        margin_(joints_), excess_(joints_), acceleration_(joints_), kept_(joints_), full_(joints_), standing_at_(joints_) {}
+        margin_(joints_), excess_(joints_), acceleration_(joints_), kept_(joints_), full_(joints_),
+        standing_at_(joints_) {}
 
   std::deque<JointEvent> events;  // the newest most_kept, for whoever takes them
 
@@ -125,8 +126,8 @@ class EventDriven final : public Integrator {
     return motion_->load(kept, tick, now, state != nullptr ? &moved_ : nullptr);
   }
 
-  // Accelerations at a state under the actuators that acted last, of joints that stand zero; -1, or the joint whose pivot
-  // vanished.
+  // Accelerations at a state under the actuators that acted last, of joints that stand zero; -1, or the joint whose
+  // pivot vanished.
   int accelerate(const JointState& state, const double* actuator, double* acceleration) {
     if (!under_way_ || changed_) {               // what stands in this state is not decided yet
       EventDriven decided(chain_, forces_, method_, step_, dense_);
@@ -226,7 +227,8 @@ class EventDriven final : public Integrator {
     return true;
   }
 
-  // A step from moved_. A fixed one may be too long for what an event would end soon, as strong friction; then a part of it.
+  // A step from moved_. A fixed one may be too long for what an event would end soon, as strong friction; then a part
+  // of it.
   bool look(std::int64_t tick, double at, double to, bool passed, Progress& progress) {
     length_ = motion_->look(tick, at, to, moved_, part_.effort.data(), passed, progress);
     if (method_.adaptive || watches_.empty() || progress.outcome == Outcome::interrupted)
@@ -270,8 +272,8 @@ class EventDriven final : public Integrator {
     return Found::crossing;
   }
 
-  // A step is looked through in panels, each as long as all before, no farther ahead than needed. The first is short, for
-  // what has just begun; a step can be long beyond measure, as where nothing but gravity acts on a slide.
+  // A step is looked through in panels, each as long as all before, no farther ahead than needed. The first is short,
+  // for what has just begun; a step can be long beyond measure, as where nothing but gravity acts on a slide.
   double end_of_panel() const {
     if (!motion_->reads_densely()) return length_;
     double end = std::fmin(0.0625 * length_, 4.0 * step_);
@@ -483,8 +485,8 @@ class EventDriven final : public Integrator {
     return true;
   }
 
-  // Which joints stand, and which way the others begin to slide. The box problem knows but for rounding; here its answer
-  // is held against the numbers that the watches will see. A joint that broke away does slide.
+  // Which joints stand, and which way the others begin to slide. The box problem knows but for rounding; here its
+  // answer is held against the numbers that the watches will see. A joint that broke away does slide.
   bool decide(JointState& state, Progress& progress) {
     const std::vector<Watch> was = watches_;
     if (!holding_.decide(state, held_.data(), progress)) return false;

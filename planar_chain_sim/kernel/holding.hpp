@@ -53,7 +53,8 @@ class Holding {
       : friction(chain.joint_count), lower(chain.joint_count, -infinity), upper(chain.joint_count, infinity),
         restitution(chain.joint_count), standing(chain.joint_count), sign(chain.joint_count), places(chain.joint_count),
         give(chain.joint_count), chain_(chain), forces_(forces), joints_(chain.joint_count), recursion_(chain),
-        right_hand_side_(chain, forces), acceleration_(joints_), answer_(joints_), unit_(joints_), size_(joints_), unsure_(joints_) {
+        right_hand_side_(chain, forces), acceleration_(joints_), answer_(joints_), unit_(joints_), size_(joints_),
+        unsure_(joints_) {
     for (const auto& law : forces.frictions) friction[law.joint] = law.friction;
     for (const auto& law : forces.stops)
       lower[law.joint] = law.lower, upper[law.joint] = law.upper, restitution[law.joint] = law.restitution;
@@ -67,8 +68,8 @@ class Holding {
   double least(int j) const { return on_upper(j, places[j]) ? -infinity : -friction[j]; }
   double most(int j) const { return on_lower(j, places[j]) ? infinity : friction[j]; }
 
-  // Impacts of all joints that are on a stop and move into it, together; which they were, and how fast, goes to `touched`.
-  // `held`: efforts of the actuators.
+  // Impacts of all joints that are on a stop and move into it, together; which they were, and how fast, goes to
+  // `touched`. `held`: efforts of the actuators.
   bool collide(JointState& state, const double* held, std::vector<std::pair<int, double>>& touched, Progress& progress) {
     bool approaches = false;
     for (int j = 0; j < joints_; ++j) {
@@ -80,8 +81,8 @@ class Holding {
     // A joint that is thrown at its stop by an impact, and is there at once, has one of its own, and may throw others.
     for (int rounds = 0; rounds < 2 * most_rounds && find_touching(state, rounds > 0, touched); ++rounds) {
       if (rounds < most_rounds && gentle(state)) {
-        // It ends at once, and moves nothing that stands: else two joints on their stops might push each other off, weaker
-        // and weaker, for ever. It only takes energy, as a projection does.
+        // It ends at once, and moves nothing that stands: else two joints on their stops might push each other off,
+        // weaker and weaker, for ever. It only takes energy, as a projection does.
         for (int j = 0; j < joints_; ++j)
           if (standing[j] && state.velocity[j] == 0.0) touch(j, 1.0);
         strike(state, Impact::holding);
@@ -141,10 +142,11 @@ class Holding {
     for (int j = 0; j < joints_; ++j) lambda[j] -= effort[j];
   }
 
-  // After find_lambda() with the same arguments, and the mass matrix factorised there: how far rounding may have carried
-  // each lambda. Of n numbers of a size the sum is off by at most n eps times that (Higham, Accuracy and Stability, 3.1);
-  // there are some ten for a link, and a few more in each number. An acceleration of a moving joint is as far off as the
-  // balance that it comes from. Nothing where nothing was rounded: efforts alone are compared to the last bit.
+  // After find_lambda() with the same arguments, and the mass matrix factorised there: how far rounding may have
+  // carried each lambda. Of n numbers of a size the sum is off by at most n eps times that (Higham, Accuracy and
+  // Stability, 3.1); there are some ten for a link, and a few more in each number. An acceleration of a moving joint is
+  // as far off as the balance that it comes from. Nothing where nothing was rounded: efforts alone are compared to the
+  // last bit.
   void find_rounding(const JointState& state, const double* acceleration, const double* lambda, double* rounding_of) {
     recursion_.sizes(state.velocity.data(), acceleration, size_.data());
     recursion_.pivot_inverses(answer_.data());
@@ -183,8 +185,8 @@ class Holding {
     if (std::find(touching_.begin(), touching_.end(), j) == touching_.end()) touching_.push_back(j), way_.push_back(way);
   }
 
-  // Joints on a stop that do not leave it, and where an impact has been those that are on their way `at once`; true where
-  // any moves into it, which are told.
+  // Joints on a stop that do not leave it, and where an impact has been those that are on their way `at once`; true
+  // where any moves into it, which are told.
   bool find_touching(const JointState& state, bool thrown, std::vector<std::pair<int, double>>& touched) {
     touching_.clear(), way_.clear(), resting_ = 0;
     bool approaches = false;
@@ -209,8 +211,8 @@ class Holding {
     return true;
   }
 
-  // After factorise(): the impact of touching_ changes the velocities. Each takes energy: of a rebound as no joint leaves
-  // its stop before, of the others as they project.
+  // After factorise(): the impact of touching_ changes the velocities. Each takes energy: of a rebound as no joint
+  // leaves its stop before, of the others as they project.
   void strike(JointState& state, Impact kind) {
     const std::size_t count = touching_.size();
     BoxProblem impact(count);

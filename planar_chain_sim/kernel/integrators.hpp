@@ -122,7 +122,8 @@ class Integrator {
 
   // Moves `state`, which is at `now` s, that is at tick `tick` or not yet at the next, on to tick + ticks under the
   // clamped actuator effort. Stops before a tick that fails: the state is then that of the last good one. Calls may be
-  // cut anywhere: the bits are the same. Where it is interrupted it is as if it had not gone beyond the last whole tick.
+  // cut anywhere: the bits are the same. Where it is interrupted it is as if it had not gone beyond the last whole
+  // tick.
   virtual Progress advance(double now, std::int64_t tick, std::int64_t ticks, JointState& state,
                            const double* actuator) = 0;
 
@@ -141,8 +142,9 @@ class Integrator {
   // Appends what decides how to go on besides the state: for a checkpoint.
   virtual void save(std::vector<double>& all) const { all.push_back(static_cast<double>(Kept::nothing)); }
 
-  // Takes it back; false where it cannot be what was saved in this state, at `now` s behind tick `tick`, or where, without
-  // a state, the numbers alone cannot be. Then the integrator is not to be used before it has loaded something good.
+  // Takes it back; false where it cannot be what was saved in this state, at `now` s behind tick `tick`, or where,
+  // without a state, the numbers alone cannot be. Then the integrator is not to be used before it has loaded something
+  // good.
   virtual bool load(KeptNumbers& kept, std::int64_t /*tick*/, double /*now*/, const JointState* /*state*/) {
     forget();
     return kept.is(Kept::nothing) && kept.left() == 0;
@@ -157,8 +159,8 @@ class Integrator {
 // An integrator of smooth motion, which events may cut short (events.hpp).
 class Motion : public Integrator {
  public:
-  // Makes sure of a step that goes on from `offset` s behind `tick`, where `state` is: the one under way, or, where that
-  // has been `passed`, the next. Returns its length, s; progress.outcome tells why there is none.
+  // Makes sure of a step that goes on from `offset` s behind `tick`, where `state` is: the one under way, or, where
+  // that has been `passed`, the next. Returns its length, s; progress.outcome tells why there is none.
   virtual double look(std::int64_t tick, double offset, double limit, const JointState& state, const double* actuator,
                       bool passed, Progress& progress) = 0;
 
@@ -186,7 +188,8 @@ class Motion : public Integrator {
 // on what was looked at before, so that a restored run or a batch ends alike.
 class FixedStep : public Motion {
  public:
-  // `most_error_rate`: rad or m a second by which two half steps may differ; 0: the method finds by itself what is too long.
+  // `most_error_rate`: rad or m a second by which two half steps may differ; 0: the method finds by itself what
+  // is too long.
   FixedStep(const JointForces& forces, int joints, int order, double tick_length, double most_error_rate)
       : forces_(forces), tick_length_(tick_length), most_error_rate_(most_error_rate), next_(joints), half_(joints),
         halves_(joints), from_(joints), actuator_(joints), accumulated_(joints, order, tick_length) {}

@@ -1,5 +1,5 @@
-// The part of a chain that moves while some joints stand: a chain of its own with the efforts that act on it, and the way
-// there and back.
+// The part of a chain that moves while some joints stand: a chain of its own with the efforts that act on it, and the
+// way there and back.
 #pragma once
 
 #include <memory>
@@ -19,8 +19,8 @@ class MovingPart {
 
   MovingPart(const Chain& whole, const JointForces& forces) : whole_(whole), forces_(forces), turns_(whole) {}
 
-  // Makes it for these joints standing in `state`; `dense`: the form of its equations. Nothing that was made of the part
-  // before holds then.
+  // Makes it for these joints standing in `state`; `dense`: the form of its equations. Nothing that was made of the
+  // part before holds then.
   void build(const std::vector<bool>& standing, const JointState& state, bool unrolled_series, bool dense) {
     JointState at = state;
     if (turns_.find(state.position.data())) turns_.leave_out(at.position, at.position_remainder);

@@ -24,8 +24,8 @@
 // State, method and workspace of one simulation. Any thread may call at any time: while one computes without the
 // interpreter, the others wait. interrupt() alone waits for nobody.
 //
-// A method that returns a word has refused the argument of that name, and nothing is changed; None is success. Python then
-// converts the argument or says what is wrong with it.
+// A method that returns a word has refused the argument of that name, and nothing is changed; None is success. Python
+// then converts the argument or says what is wrong with it.
 class Stepper {
  public:
   Stepper(const py::object& model, const pc::MethodData& method, double step, bool dense)
@@ -37,9 +37,10 @@ class Stepper {
   }
   Stepper(const Stepper&) = delete;
 
-  // Goes on for an int >= 0 of ticks, under None or a finite array of (joints,) or (ticks, joints), into None or a tuple
-  // of arrays (ticks, joints) that take position, velocity and effort. (outcome, joint) where it stopped before or a coarse
-  // step is to be told. Throws what a signal handler has raised meanwhile, with everything at the last whole tick.
+  // Goes on for an int >= 0 of ticks, under None or a finite array of (joints,) or (ticks, joints), into None or a
+  // tuple of arrays (ticks, joints) that take position, velocity and effort. (outcome, joint) where it stopped before
+  // or a coarse step is to be told. Throws what a signal handler has raised meanwhile, with everything at the last
+  // whole tick.
   py::object advance(const py::handle& ticks_given, const py::handle& effort_given, const py::handle& record_given) {
     turn_.await();
     std::int64_t ticks;
@@ -93,8 +94,8 @@ class Stepper {
     return -1;
   }
 
-  // Tick, s of the time between two ticks or None, and arrays: position, velocity, their remainders, effort, and what the
-  // integrator keeps, between the number of the format and a sum of the bits before.
+  // Tick, s of the time between two ticks or None, and arrays: position, velocity, their remainders, effort, and what
+  // the integrator keeps, between the number of the format and a sum of the bits before.
   py::tuple save() {
     turn_.await();
     std::vector<double> kept = {kept_format};
@@ -107,8 +108,8 @@ class Stepper {
                                          make_array(effort_), make_array(kept)));
   }
 
-  // Takes what save() gave; `anew`: of a stepper with another method, which starts here. The word is that of a part that
-  // cannot be.
+  // Takes what save() gave; `anew`: of a stepper with another method, which starts here. The word is that of a part
+  // that cannot be.
   py::object load(const py::handle& tick_given, const py::handle& between_given, const py::handle& parts, bool anew) {
     turn_.await();
     std::int64_t tick;
@@ -140,8 +141,8 @@ class Stepper {
     return py::none();
   }
 
-  // In place of those that act: (slot of the link, whether the force turns with it, point, force, each as a complex number
-  // of the link's axes or the plane's, moment).
+  // In place of those that act: (slot of the link, whether the force turns with it, point, force, each as a complex
+  // number of the link's axes or the plane's, moment).
   void set_wrenches(const std::vector<std::tuple<int, bool, std::complex<double>, std::complex<double>, double>>& given) {
     turn_.await();
     std::vector<pc::Wrench> wrenches;
@@ -247,7 +248,8 @@ class Stepper {
     return py::make_tuple(counts.evaluations, counts.steps, counts.rejected_steps, counts.events);
   }
 
-  // The events, out of reach of another thread: what Python makes of them may set off the garbage collector, and that one.
+  // The events, out of reach of another thread: what Python makes of them may set off the garbage collector, and that
+  // one.
   std::deque<pc::JointEvent> take() {
     std::deque<pc::JointEvent> events;
     if (auto* driven = dynamic_cast<pc::EventDriven*>(scene_->integrator.get())) std::swap(events, driven->events);

@@ -15,7 +15,8 @@
 namespace py = pybind11;
 
 // One lock for each object. It is held only by a thread that has let the interpreter go, so that everybody else, who
-// holds the interpreter, finds out by a look at a flag. They wait in the order in which they came, without the interpreter.
+// holds the interpreter, finds out by a look at a flag. They wait in the order in which they came, without the
+// interpreter.
 class Turn {
  public:
   // Returns once nobody computes in the object. Throws what a signal handler raises meanwhile, and an error where this
