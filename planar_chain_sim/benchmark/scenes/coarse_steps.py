@@ -87,5 +87,6 @@ def coarse_steps(size: float) -> Iterator[Check]:
     told = f' ({", ".join(quiet)})' if quiet else ''
     yield Check(f'fixed steps of 1 ms to 1 s on random arms, {len(runs)} runs of 5 and 10 s: '
                 f'quietly off by 0.1 rad{told}', 0, len(quiet))
-    yield Check(f'part of the {len(right)} of them right to 1e-3 rad that are warned of', max(0.02, 1.0 / max(1, len(right))),
-                sum(run.told for run in right) / max(1, len(right)))
+    count = max(1, len(right))
+    yield Check(f'part of the {len(right)} of them right to 1e-3 rad that are warned of', max(0.02, 1.0 / count),
+                sum(run.told for run in right) / count)
