@@ -9,6 +9,7 @@
 
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <vector>
 
 #include "lu.hpp"
@@ -69,14 +70,21 @@ class BoxProblem {
     for (std::size_t i : inside) y[i] = 0.0;
   }
 
-  // Whether x_i is where it belongs; else it goes over.
+  // Whether x_i is where it belongs, but for rounding; else it goes over. By rounding alone it would go back and forth.
   bool fits(std::size_t i) {
+    const std::size_t size = b.size();
+    constexpr double rounding = 64.0 * std::numeric_limits<double>::epsilon();
     if (at[i] == At::inside) {
-      if (x[i] < lower[i]) return at[i] = At::lower, false;
-      if (x[i] > upper[i]) return at[i] = At::upper, false;
+      double most = 0.0;
+      for (std::size_t j = 0; j < size; ++j) most = std::fmax(most, std::fabs(x[j]) * std::sqrt(W[j * size + j]));
+      const double slack = rounding * most / std::sqrt(W[i * size + i]);
+      if (x[i] < lower[i] - slack) return at[i] = At::lower, false;
+      if (x[i] > upper[i] + slack) return at[i] = At::upper, false;
       return true;
     }
-    if (at[i] == At::lower ? y[i] >= 0.0 : y[i] <= 0.0) return true;
+    double sum = std::fabs(b[i]);
+    for (std::size_t j = 0; j < size; ++j) sum += std::fabs(W[i * size + j] * x[j]);
+    if (at[i] == At::lower ? y[i] >= -rounding * sum : y[i] <= rounding * sum) return true;
     return at[i] = At::inside, false;
   }
 };

@@ -226,7 +226,11 @@ class Holding {
       respond(j);
       for (std::size_t k = 0; k < count; ++k) impact.W[k * count + i] = way_[i] * way_[k] * answer_[touching_[k]];
     }
-    impact.solve();
+    if (!impact.solve()) {   // nothing leaves its stop, which has a solution always
+      std::fill(impact.lower.begin(), impact.lower.end(), -infinity);
+      std::fill(impact.at.begin(), impact.at.end(), BoxProblem::At::inside);
+      impact.solve();
+    }
     const std::vector<double> before = state.velocity;
     double size = 0.0;
     for (std::size_t i = 0; i < count; ++i) {
