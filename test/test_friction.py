@@ -2,7 +2,7 @@
 import mpmath
 import numpy as np
 import pytest
-from test_events import block, EXACT, pendulum, with_laws
+from test_events import EXACT, pendulum, with_laws
 
 import planar_chain_sim as pcs
 from planar_chain_sim import _kernel
@@ -46,9 +46,9 @@ def test_coaxial_joints_of_equal_friction_stand_and_turn_as_they_should(method, 
 
 
 @pytest.mark.parametrize('method', STIFF_TOO)
-@pytest.mark.parametrize('chain, joints', [
-    (three_links(), 1), *((held_rods(friction), 1) for friction in (10.118077087523773, 9.77, 10.148, 9.18))])
-def test_break_away_never_calls_for_itself_again(method, chain, joints):
+@pytest.mark.parametrize('chain', [
+    three_links(), *(held_rods(friction) for friction in (10.118077087523773, 9.77, 10.148, 9.18))])
+def test_break_away_never_calls_for_itself_again(method, chain):
     """The runs that ended or stalled: lambda beyond its bound by rounding here, within it there."""
     simulation = pcs.Simulation(chain, method)
     most = 0
@@ -212,7 +212,6 @@ def test_a_pendulum_held_across_by_just_enough_friction_stands_for_an_hour():
     simulation = pcs.Simulation(pendulum(friction=10.0), step=0.01)
     simulation.advance(360_000)
     assert simulation.position.tolist() == [0.0] and simulation.take_events() == []
-    assert block(friction=1.0).joints[0].friction == 1.0
 
 
 @pytest.mark.parametrize('method', STIFF_TOO)
