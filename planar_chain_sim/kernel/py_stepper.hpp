@@ -143,17 +143,13 @@ class Stepper {
 
   // In place of those that act: (slot of the link, whether the force turns with it, point, force, each as a complex
   // number of the link's axes or the plane's, moment).
-  void set_wrenches(const std::vector<std::tuple<int, bool, std::complex<double>, std::complex<double>, double>>& given) {
+  // `given`: tuples (slot, whether the force turns with the link, point, force, moment).
+  void set_wrenches(const py::list& given) {
     turn_.await();
     std::vector<pc::Wrench> wrenches;
-    for (const auto& [link, turns, point, force, moment] : given) {
-      if (link < 1 || link > scene_->chain().link_count())
-        throw py::value_error("the kernel got a wrench on link " + std::to_string(link));
-      for (const double number : {point.real(), point.imag(), force.real(), force.imag(), moment})
-        if (!std::isfinite(number)) throw py::value_error("the kernel got a wrench that is not finite");
-      wrenches.push_back({link, turns, point.real(), point.imag(), force.real(), force.imag(), moment});
-    }
-    scene_->forces.wrenches = wrenches;
+    wrenches.reserve(given.size());
+    for (const py::handle each : given) wrenches.push_back(wrench_of(each.ptr()));
+    scene_->forces.wrenches = std::move(wrenches);
     scene_->integrator->forces_changed();
   }
 
@@ -223,6 +219,24 @@ class Stepper {
   }
 
  private:
+  // By hand, of these very types: pybind11's conversion takes longer than all that is done with it.
+  pc::Wrench wrench_of(PyObject* given) const {
+    const auto item = [&](Py_ssize_t k) { return PyTuple_GET_ITEM(given, k); };
+    if (!PyTuple_CheckExact(given) || PyTuple_GET_SIZE(given) != 5 || !PyLong_CheckExact(item(0)) ||
+        !PyBool_Check(item(1)) || !PyComplex_CheckExact(item(2)) || !PyComplex_CheckExact(item(3)) ||
+        !PyFloat_CheckExact(item(4)))
+      throw py::type_error("the kernel got a wrench that is no tuple of slot, turns, point, force and moment");
+    int overflow;
+    const long link = PyLong_AsLongAndOverflow(item(0), &overflow);
+    if (overflow != 0 || link < 1 || link > scene_->chain().link_count())
+      throw py::value_error("the kernel got a wrench on a link that is not there");
+    const Py_complex point = PyComplex_AsCComplex(item(2)), force = PyComplex_AsCComplex(item(3));
+    const double moment = PyFloat_AS_DOUBLE(item(4));
+    for (const double number : {point.real, point.imag, force.real, force.imag, moment})
+      if (!std::isfinite(number)) throw py::value_error("the kernel got a wrench that is not finite");
+    return {static_cast<int>(link), item(1) == Py_True, point.real, point.imag, force.real, force.imag, moment};
+  }
+
   // Below this, some microseconds, letting the interpreter go and taking it back would cost more than it gives.
   static constexpr std::int64_t few_joint_ticks = 32;
   static constexpr double kept_format = 2.0;
