@@ -316,9 +316,12 @@ class Simulation:
         self._stepper.wait()
         with self._changing:
             index_of(self.chain, body)
-            wrenches = dict(self._wrenches)
+            before, acts = self._wrenches.get(body), wrench.force or wrench.moment
+            if wrench == before or not (acts or before):
+                return
+            wrenches = self._wrenches.copy()
             wrenches.pop(body, None)
-            if wrench.force or wrench.moment:
+            if acts:
                 wrenches[body] = wrench
             self._put_wrenches(wrenches)
 
@@ -331,12 +334,12 @@ class Simulation:
         """Take all wrenches away."""
         self._stepper.wait()
         with self._changing:
-            self._put_wrenches({})
+            if self._wrenches:
+                self._put_wrenches({})
 
     def _put_wrenches(self, wrenches: Mapping[str, Wrench]) -> None:
-        if wrenches != self._wrenches:
-            self._stepper.set_wrenches(on_links(self.chain, wrenches))
-            self._wrenches = dict(wrenches)
+        self._stepper.set_wrenches(on_links(self.chain, wrenches))
+        self._wrenches = wrenches
 
     def attach(self, body: str, mass: float, position=(0.0, 0.0), inertia_com: float = 0.0,
                name: str = 'payload') -> None:

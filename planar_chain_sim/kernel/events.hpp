@@ -9,9 +9,10 @@
 //   lambda leaves its bounds              it slips, or leaves the stop
 //
 // Each is the first time at which a watch, a smooth function, becomes negative (watched_motion.hpp). They are looked
-// for step by step of the method, not tick by tick. What happens then is decided for all joints together (holding.hpp), by
-// the numbers that the watches are made of: a joint stands where lambda is within its bounds but for twice what
-// rounding may do to it, and breaks away beyond four times that. So neither can call for the other at the same place.
+// for step by step of the method, not tick by tick. What happens then is decided for all joints together (holding.hpp),
+// by the numbers that the watches are made of (holding_effort.hpp): a joint stands where lambda is within its bounds but
+// for twice what rounding may do to it, and breaks away beyond four times that. So neither can call for the other at the
+// same place.
 #pragma once
 
 #include <algorithm>

@@ -277,7 +277,8 @@ class Stepper {
   }
 
   static double checked(double step, const pc::MethodData& method) {
-    if (const char* word = pc::misfit(method)) throw py::value_error(std::string("the kernel got a method with a bad ") + word);
+    if (const char* word = pc::misfit(method))
+      throw py::value_error(std::string("the kernel got a method with a bad ") + word);
     if (!std::isfinite(step) || !(step > 0.0)) throw py::value_error("the kernel got a bad step");
     return step;
   }
@@ -294,7 +295,8 @@ class Stepper {
     if (given.is_none()) return true;
     if (!PyFloat_CheckExact(given.ptr())) return false;
     time = PyFloat_AS_DOUBLE(given.ptr());
-    return std::isfinite(*time) && *time >= static_cast<double>(tick) * step_ && *time <= static_cast<double>(tick + 1) * step_;
+    return std::isfinite(*time) && *time >= static_cast<double>(tick) * step_ &&
+           *time <= static_cast<double>(tick + 1) * step_;
   }
 
   static bool finite(const Array& array) {

@@ -1,5 +1,5 @@
-// A motion of the moving part, looked through step by step for the first time at which a watch, a smooth function of its
-// state, becomes negative (event_search.hpp).
+// A motion of the moving part, looked through step by step for the first time at which a watch, a smooth function of
+// its state, becomes negative (event_search.hpp).
 #pragma once
 
 #include <algorithm>
