@@ -1,7 +1,8 @@
 """
 planar_chain_sim: planar chains and trees of rigid bodies by Arczewski's path-matrix equations of motion.
 
-The map: data in `chain`, files of it in `chain_yaml`, what is refused in `chain_section` and `chain_checks`; topology
+The map: data in `chain`, its numbers by name in `chain_parameters`, files of it in `chain_yaml`, what is refused in
+`chain_section` and `chain_checks`; topology
 S, P, M, with (5.60), in `path_matrix`; (5.87) and (5.88) in `equations_of_motion`; laws of joint effort in
 `joint_forces`; energy, (5.65) and (5.72), in `invariants`; the O(n) recursion in `kernel/recursive.hpp`, made ready by
 `plan` and asked by `dynamics`; methods in `integrators`, long coefficients in `tableaux`; derivatives of the equations

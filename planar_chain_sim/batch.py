@@ -50,6 +50,8 @@ def rollout_batch(chain: Union[Chain, Sequence[Chain]], position=None, velocity=
     chains = [chain] if isinstance(chain, Chain) else list(chain)
     if not chains or not all(isinstance(each, Chain) for each in chains):
         raise ValueError(f'chain is {chain!r:.80}, must be a Chain or a sequence of them')
+    for each in chains:
+        plan_of(each)   # which refuses one that cannot be
     joints = chains[0].joint_count
     for k, each in enumerate(chains):
         if each.joint_count != joints:

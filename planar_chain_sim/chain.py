@@ -1,17 +1,22 @@
 """
-Chain: the physical data of a planar tree of rigid bodies, in SI units, frozen and checked at birth.
+Chain: the physical data of a planar tree of rigid bodies, in SI units, frozen.
+
+A chain from a file or from data was checked when it was read; one that is made by hand, as by dataclasses.replace, is
+checked where it is first used, by `plan.plan_of`. Either carries a text that says what it is.
 
 Symbols are those of the path-matrix method (Arczewski, sections 5.4.5-5.4.9): a body i turns about its joint point P_i,
 which may slide on its carrier i-. Plane vectors are complex numbers x + j y.
 """
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from math import inf
+from math import inf, isfinite
 from typing import Mapping, Optional
 
 BASE = -1  # carrier index of a body that the base carries
+POINT_MASS = 1e-9     # relative: an inertia that falls short of m c^2 by less is rounding, the body is a point mass
+ROUNDING = 1e-15      # relative: the same for an inertia above m c^2, where only the last bits can be doubted
 
 
 class ChainError(ValueError):
@@ -40,7 +45,11 @@ class Joint:
 
 @dataclass(frozen=True)
 class Body:
-    """One rigid body: mass data in its own frame, joint point and offsets in its carrier's frame."""
+    """
+    One rigid body: mass data in its own frame, joint point and offsets in its carrier's frame.
+
+    The two inertias say the same by J = J_C + m c^2; where they differ by rounding, `inertia` is believed.
+    """
 
     name: str
     carrier: int                # index of an earlier body, or BASE
@@ -52,7 +61,58 @@ class Body:
     inertia_com: float          # kg m^2 about the mass centre, J_C = J - m c^2
     slide: Optional[Joint] = None
     rotation: Optional[Joint] = None
-    visual: Mapping = field(default_factory=dict)  # for pictures only
+    visual: Mapping = field(default_factory=dict, hash=False)  # for pictures only
+    given: str = field(default='inertia_com', compare=False, repr=False)  # the inertia that its text gives
+
+    def __post_init__(self):
+        try:
+            settled = settled_inertia(self.mass, self.center_of_mass, self.inertia, self.inertia_com)
+        except (TypeError, AttributeError, OverflowError):
+            return   # no numbers: refused where the body is used
+        if settled is not None:
+            for name, value in zip(('inertia', 'inertia_com'), settled):
+                object.__setattr__(self, name, value)
+
+
+def steiner_term(mass: float, center: complex) -> float:
+    """Return m c^2, kg m^2: what the inertia about the joint point has more than that about the mass centre."""
+    return mass * (center.real * center.real + center.imag * center.imag)
+
+
+def inertia_about_center(inertia: float, steiner: float) -> tuple[float, float]:
+    """Return J and J_C for J and m c^2; within rounding of it the body is a point mass."""
+    inertia_com = inertia - steiner
+    return (steiner, 0.0) if inertia_com <= ROUNDING * steiner else (inertia, inertia_com)
+
+
+def settled_inertia(mass, center, inertia, inertia_com) -> Optional[tuple[float, float]]:
+    """Return J and J_C that a text can say, for two that differ by rounding; None where they do not, or by more."""
+    steiner = steiner_term(mass, center)
+    from_inertia = inertia_about_center(inertia, steiner)
+    if (inertia, inertia_com) in (from_inertia, (inertia_com + steiner, max(inertia_com, 0.0))):
+        return None
+    off = abs(inertia - steiner - inertia_com)
+    return from_inertia if isfinite(off) and off <= POINT_MASS * max(abs(inertia), steiner) else None
+
+
+class _Text:
+    """
+    `Chain.source`: the text that was given where it says the same chain, number by number, else one that does.
+
+    It is looked at when it is first asked for.
+    """
+
+    def __get__(self, chain, owner=None):
+        if chain is None:
+            return self
+        kept = chain.__dict__
+        if '_text' not in kept:
+            from .chain_yaml import own_text
+            kept['_text'] = own_text(chain, kept.get('_given', ''))
+        return kept['_text']
+
+    def __set__(self, chain, text):
+        chain.__dict__['_given'] = '' if text is self else text   # itself: the default
 
 
 @dataclass(frozen=True)
@@ -60,13 +120,14 @@ class Chain:
     """
     A tree of bodies in regular labelling (a carrier comes before the bodies it carries).
 
-    `source` is the YAML text from which the same chain can be loaded again, number by number.
+    `source` is the YAML text from which the same chain can be loaded again, number by number. Equality and hash are
+    those of the numbers and names; `visual` is compared too.
     """
 
     name: str
     gravity: complex            # m/s^2, x + j y
     bodies: tuple[Body, ...]
-    source: str = ''
+    source: str = field(default=_Text(), compare=False, repr=False)
 
     @cached_property
     def joints(self) -> tuple[Joint, ...]:
@@ -93,5 +154,34 @@ class Chain:
         """Number of joints, the length of every joint array."""
         return len(self.joints)
 
+    @property
+    def parameters(self) -> dict[str, float]:
+        """
+        Every number that `with_parameters` can change, by its name: `gravity.x`, `BODY.mass`, `JOINT.damping` ...
+
+        A name that a body and a joint have gets `body:` or `joint:` in front.
+        """
+        from .chain_parameters import parameters_of
+        return parameters_of(self)
+
+    def with_parameters(self, values: Mapping[str, float]) -> Chain:
+        """
+        Return a checked chain with other values of `parameters`; its `source` says so.
+
+        Where a mass or a mass centre changes, the inertia stays that the chain file gives, `inertia` or `inertia_com`,
+        unless one of them is given here. ChainError: an unknown name, a value that cannot be.
+        """
+        from .chain_parameters import with_parameters
+        return with_parameters(self, values)
+
     def __getstate__(self):
-        return {entry.name: getattr(self, entry.name) for entry in fields(self)}  # what is kept besides is made again
+        # What is kept besides is made again.
+        return {key: value for key, value in self.__dict__.items()
+                if key in ('name', 'gravity', 'bodies', '_given', '_text', '_checked')}
+
+
+def altered(chain: Chain, **changes) -> Chain:
+    """Return a chain with changes after which it need not be checked again."""
+    fresh = replace(chain, source='', **changes)
+    fresh.__dict__.update({key: True for key in ('_checked',) if key in chain.__dict__})
+    return fresh

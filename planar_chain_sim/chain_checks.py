@@ -9,7 +9,7 @@ from __future__ import annotations
 from math import inf, isfinite
 from typing import Optional
 
-from .chain import BASE, Body, Chain, Joint
+from .chain import BASE, Body, Chain, ChainError, inertia_about_center, Joint, POINT_MASS, steiner_term
 from .chain_section import clipped, MISSING, plain, Section, shown, suggestion
 
 CHAIN_KEYS = ('name', 'gravity', 'bodies')
@@ -30,15 +30,14 @@ JOINT_NUMBERS = {  # key: (default, least value, unit of a slide, unit of a rota
 }
 JOINT_KEYS = ('joint', 'axis', *JOINT_NUMBERS)
 GRAVITY = complex(0.0, -9.81)
-POINT_MASS = 1e-9     # relative: an inertia that falls short of m c^2 by less is rounding, the body is a point mass
-ROUNDING = 1e-15      # relative: the same for an inertia above m c^2, where only the last bits can be doubted
 
 
-def build_chain(data, file: str, source: str) -> Chain:
+def build_chain(data, file: str, source: Optional[str] = None) -> Chain:
     """
     Return the chain that plain data describes, checked; ChainError otherwise.
 
-    `file` names the text in sentences ('' for data that is no text), `source` becomes `Chain.source`.
+    `file` names the text in sentences ('' for data that is no text), `source` becomes `Chain.source`; without it that
+    is written when it is asked for.
     """
     top = Section(data, file)
     top.refuse_unknown_keys(CHAIN_KEYS)
@@ -62,7 +61,8 @@ def build_chain(data, file: str, source: str) -> Chain:
         indices[bodies[-1].name] = index
     if not owners:
         top.fail('bodies', "has no joint, must have a body with 'slide' or 'rotation'")
-    chain = Chain(name, gravity, tuple(bodies), source)
+    chain = Chain(name, gravity, tuple(bodies))
+    chain.__dict__.update({'_checked': True} if source is None else {'_checked': True, '_text': source})
     refuse_singular(chain, sections)
     return chain
 
@@ -83,7 +83,8 @@ def read_body(section, entries, indices, owners) -> Body:
         section.fail('visual', f'is {shown(visual)}, must be a mapping')
     return Body(name=name, carrier=carrier, origin=section.vector('origin', 0j, 'm'),
                 angle=section.number('angle', 0.0, 'rad'), mass=mass, center_of_mass=center_of_mass, inertia=inertia,
-                inertia_com=inertia_com, slide=slide, rotation=rotation, visual=plain(visual) if visual else {})
+                inertia_com=inertia_com, slide=slide, rotation=rotation, visual=plain(visual) if visual else {},
+                given='inertia_com' if 'inertia_com' in section.data else 'inertia')
 
 
 def read_carrier(section, name, entries, indices) -> int:
@@ -105,7 +106,7 @@ def read_mass(section) -> tuple[float, complex, float, float]:
     """Return mass, mass centre, inertia about the joint point and about the mass centre, J = J_C + m c^2."""
     mass = section.number('mass', unit='kg', least=0.0)
     center = section.vector('center_of_mass', 0j, 'm')
-    steiner = mass * (center.real * center.real + center.imag * center.imag)   # m c^2
+    steiner = steiner_term(mass, center)
     about = 'kg m^2 about the joint point', 'kg m^2 about the mass centre'
     if 'inertia' in section.data and 'inertia_com' in section.data:
         section.fail('inertia_com', "stands beside 'inertia', must be exactly one of the two")
@@ -119,12 +120,10 @@ def read_mass(section) -> tuple[float, complex, float, float]:
         inertia = section.number('inertia', unit=about[0], least=0.0,
                                  wanted='' if 'inertia' in section.data else
                                  f"a number >= 0 ({about[0]}), or 'inertia_com' about the mass centre")
-        inertia_com = inertia - steiner
-        if isfinite(steiner) and inertia_com < -POINT_MASS * steiner:
+        if isfinite(steiner) and inertia - steiner < -POINT_MASS * steiner:
             section.fail('inertia', f'is {inertia!r}, must be at least mass * |center_of_mass|^2 = {steiner!r} '
                          f"({about[0]}; about the mass centre the key is 'inertia_com')")
-        if inertia_com <= ROUNDING * steiner:
-            inertia, inertia_com = steiner, 0.0
+        inertia, inertia_com = inertia_about_center(inertia, steiner)
     if not isfinite(inertia) or not isfinite(inertia_com):
         section.fail('center_of_mass', 'is too far out, must keep mass * |center_of_mass|^2 a finite number (kg m^2)')
     return mass, center, inertia, inertia_com
@@ -144,7 +143,7 @@ def read_joint(body, kind, body_name, owners) -> Optional[Joint]:
     numbers = {key: section.number(key, default, rotation if kind == 'rotation' else slide, least)
                for key, (default, least, slide, rotation) in JOINT_NUMBERS.items() if key in section.data}
     if kind == 'slide':
-        axis = section.number('axis', wanted="a finite number (rad, the direction in the carrier's frame)")
+        axis = section.number('axis', unit='rad', wanted="a finite number (rad, the direction in the carrier's frame)")
     else:
         axis = section.number('axis', 1.0, wanted='1 (counter-clockwise) or -1 (clockwise)')
         if axis not in (1.0, -1.0):
@@ -183,3 +182,65 @@ def lack_of_inertia(bodies, index, kind) -> str:
         if kind == 'slide' or not any(bodies[i].inertia_com for i in outboard):
             return 'nothing on this body or outboard of it has mass'
     return 'it moves no mass, beyond rounding, that the other joints do not move in the same way'
+
+
+def check_chain(chain: Chain) -> None:
+    """Check a chain that was made by hand, once; ChainError, in the words of the data it would be."""
+    rebuilt = build_chain(data_of(chain), '')
+    for body, again in zip(chain.bodies, rebuilt.bodies):
+        if body != again:
+            steiner = steiner_term(body.mass, body.center_of_mass)
+            raise ChainError(
+                f"body '{clipped(body.name)}' has the inertia {body.inertia!r:.40} about its joint point and "
+                f'{body.inertia_com!r:.40} about its mass centre, must have two that differ by mass * '
+                f'|center_of_mass|^2 = {steiner!r}; Chain.with_parameters keeps them together')
+    chain.__dict__['_checked'] = True
+
+
+def data_of(chain: Chain) -> dict:
+    """Return the plain data of a chain, from which build_chain makes the same; ChainError: no data can say it."""
+    if not isinstance(chain.bodies, (tuple, list)) or not all(isinstance(body, Body) for body in chain.bodies):
+        raise ChainError(f'bodies is of type {type(chain.bodies).__name__}, must be a tuple of Body')
+    bodies = []
+    for index, body in enumerate(chain.bodies):
+        label = f"body '{clipped(str(body.name))}'"
+        if type(body.carrier) is not int or not BASE <= body.carrier < index:
+            raise ChainError(f'{label} has the carrier {body.carrier!r}, must have BASE, which is -1, or the index of '
+                             'an earlier body')
+        entry = {'name': body.name, 'carrier': 'base' if body.carrier == BASE else chain.bodies[body.carrier].name,
+                 'origin': _pair(body.origin, f'{label}: origin'), 'angle': body.angle, 'mass': body.mass,
+                 'center_of_mass': _pair(body.center_of_mass, f'{label}: center_of_mass'), **_inertia(body)}
+        for kind in ('slide', 'rotation'):
+            joint = getattr(body, kind)
+            if joint is None:
+                continue
+            if not isinstance(joint, Joint) or joint.kind != kind:
+                raise ChainError(f'{label}: {kind} is {joint!r:.80}, must be None or a Joint of kind {kind!r}')
+            entry[kind] = {'joint': joint.name, 'axis': joint.axis, **{
+                key: getattr(joint, key) for key, (default, *_) in JOINT_NUMBERS.items()
+                if repr(getattr(joint, key)) != repr(default)}}
+        if body.visual:
+            entry['visual'] = body.visual
+        bodies.append({key: value for key, value in entry.items() if repr(value) not in ('[0.0, 0.0]', '0.0')
+                       or key in ('mass', 'inertia', 'inertia_com')})
+    return plain({'name': chain.name, 'gravity': _pair(chain.gravity, 'gravity'), 'bodies': bodies})
+
+
+def _pair(vector, label: str) -> list:
+    try:
+        return [complex(vector).real, complex(vector).imag]
+    except (TypeError, ValueError, OverflowError):
+        raise ChainError(f'{label} is {vector!r:.80}, must be a complex number, x + j y') from None
+
+
+def _inertia(body: Body) -> dict:
+    """Return the key of one inertia from which both follow, of two the one that the body's text gave."""
+    try:
+        steiner = steiner_term(body.mass, body.center_of_mass)
+        says = {'inertia_com': (body.inertia_com + steiner, body.inertia_com),
+                'inertia': inertia_about_center(body.inertia, steiner)}
+    except (TypeError, AttributeError, OverflowError):
+        says = {}
+    both = body.inertia, body.inertia_com
+    keys = sorted((key for key in says if says[key] == both), key=lambda key: key != body.given) or ['inertia']
+    return {keys[0]: getattr(body, keys[0])}

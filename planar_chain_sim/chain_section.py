@@ -7,7 +7,7 @@ its lines (`LinedDict`), other data is named by its path, `bodies[2].rotation.da
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import inf, isfinite
+from math import inf, isfinite, pi, radians
 from numbers import Integral, Real
 import re
 from typing import NoReturn, Optional
@@ -18,6 +18,9 @@ MAX_DEPTH = 32       # of nested mappings and lists
 MAX_KEYS = 256       # of one mapping
 MAX_ITEMS = 65536    # of one list
 MISSING = object()
+FACTOR = r'(pi|\d+\.?\d*(?:e[-+]?\d+)?|\.\d+(?:e[-+]?\d+)?)'
+ANGLE = re.compile(rf'([-+]?) *{FACTOR}((?: *[*/] *{FACTOR})*) *((?:deg|rad)(?:/s)?)?', re.ASCII)
+ANGLE_TEXTS = "or a text as '90 deg', 'pi/2', '-0.5*pi'"
 
 
 class LinedDict(dict):
@@ -58,16 +61,23 @@ class Section:
             self.fail(key, f'is unknown{suggestion(key, known)}, must be one of {", ".join(known)}')
 
     def number(self, key, default=None, unit='', least=None, wanted='') -> float:
-        """Return the number under `key`; without a default the key is required."""
+        """
+        Return the number under `key`; without a default the key is required.
+
+        A default that is infinite may be given too. A `unit` of angles or their rates lets texts as '90 deg' be given.
+        """
         value = self.data.get(key, MISSING)
         if value is MISSING and default is not None:
             return default
-        number = as_number(value)
-        if number is not None and isfinite(number) and (least is None or number >= least):
+        angle = isinstance(value, str) and unit.startswith('rad')
+        number = angle_of(value, unit.startswith('rad/s')) if angle else as_number(value)
+        if number is not None and (isfinite(number) or number == default) and (least is None or number >= least):
             return number
         finite = 'finite ' if number is not None and not isfinite(number) else ''
         bound = '' if least is None else f' >= {least:g}'
-        self.fail(key, f'is {shown(value)}, must be {wanted or f"a {finite}number{bound} ({unit})"}')
+        endless = f' or {"-" * (default < 0)}.inf' if finite and default in (inf, -inf) else ''
+        wanted = wanted or f'a {finite}number{bound}{endless} ({unit})'
+        self.fail(key, f'is {shown(value)}, must be {wanted}{f", {ANGLE_TEXTS}" if angle else ""}')
 
     def vector(self, key, default, unit) -> complex:
         """Return the plane vector x + j y under `key`, a list of two numbers."""
@@ -103,6 +113,29 @@ class Section:
 def as_number(value) -> Optional[float]:
     """Return a plain number as float, None for what is no number (a truth value is none)."""
     return float(value) if type(value) in (float, int) else None
+
+
+def angle_of(text: str, rate: bool = False) -> Optional[float]:
+    """
+    Return the angle, rad, or rate, rad/s, that a text says, a number of `deg` or `rad` or a product with pi; else None.
+
+    Factors are multiplied and divided from left to right, as Python would.
+    """
+    match = ANGLE.fullmatch(text.strip().lower()) if len(text) <= 64 else None
+    if not match:
+        return None
+    sign, first, others, _, unit = match.groups()
+    unit = unit or ''
+    if ('pi' in first + others) == bool(unit) or (unit.endswith('/s') and not rate):
+        return None
+    value = pi if first == 'pi' else float(first)
+    for operator, factor in re.findall(rf'([*/]) *{FACTOR}', others):
+        factor = pi if factor == 'pi' else float(factor)
+        if operator == '/' and factor == 0.0:
+            return None
+        value = value * factor if operator == '*' else value / factor
+    value = radians(value) if unit.startswith('deg') else value
+    return -value if sign == '-' else value
 
 
 def clipped(text, length=48) -> str:

@@ -18,7 +18,7 @@ import yaml
 from yaml import events
 
 from .chain import Chain, ChainError
-from .chain_checks import build_chain
+from .chain_checks import build_chain, data_of
 from .chain_section import clipped, LinedDict, MAX_DEPTH, MAX_ITEMS, MAX_KEYS, plain
 
 LOADER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
@@ -83,10 +83,26 @@ def chain_from_dict(data: Mapping) -> Chain:
     data = plain(data)
     if not isinstance(data, dict):
         raise ChainError(f"the chain is of type {type(data).__name__}, must be a mapping with the key 'bodies'")
-    source = yaml.dump(data, Dumper=PlainDumper, sort_keys=False, allow_unicode=True, default_flow_style=None, width=99)
+    source = text_of(data)
     if len(source) > MAX_BYTES:
         raise ChainError(f'the chain is longer than {MAX_BYTES // 2**20} MiB as a text, must be a smaller one')
     return build_chain(data, '', source)
+
+
+def text_of(data) -> str:
+    """Return plain data as a YAML text that loads back to the same bits."""
+    return yaml.dump(data, Dumper=PlainDumper, sort_keys=False, allow_unicode=True, default_flow_style=None, width=99)
+
+
+def own_text(chain: Chain, given: str) -> str:
+    """Return `given` where it is a text of this chain, number by number, else one that is; ChainError as data_of."""
+    if given:
+        try:
+            if repr(chain_from_text(given)) == repr(chain):
+                return given
+        except (ChainError, TypeError):   # TypeError: no text
+            pass
+    return text_of(data_of(chain))
 
 
 def find_chain_file(path: Union[str, os.PathLike]) -> Path:

@@ -6,7 +6,7 @@ from math import isfinite
 from typing import Mapping, NamedTuple
 
 from ._kernel import plane_vector
-from .chain import Body, Chain
+from .chain import altered, Body, Chain
 from .dynamics import joint_array
 from .plan import plan_of
 
@@ -72,7 +72,7 @@ def with_payload(chain: Chain, body: str, mass: float, position, inertia_com: fl
                          'must have > 0 and >= 0')
     if not isinstance(name, str) or not name or name in [each.name for each in chain.bodies]:
         raise ValueError(f'name is {name!r:.80}, must be a text and not the name of a body of {chain.name}')
-    return replace(chain, bodies=(*chain.bodies, Body(name, carrier, place, 0.0, mass, 0j, inertia_com, inertia_com)))
+    return altered(chain, bodies=(*chain.bodies, Body(name, carrier, place, 0.0, mass, 0j, inertia_com, inertia_com)))
 
 
 def without_payload(chain: Chain, own: int, name: str) -> Chain:
@@ -85,5 +85,5 @@ def without_payload(chain: Chain, own: int, name: str) -> Chain:
     gone = own + payloads.index(name)
     if any(body.carrier == gone for body in bodies):
         raise ValueError(f'payload {name!r} carries another one, which must be dropped first')
-    return replace(chain, bodies=tuple(
+    return altered(chain, bodies=tuple(
         replace(body, carrier=body.carrier - (body.carrier > gone)) for k, body in enumerate(bodies) if k != gone))

@@ -12,7 +12,7 @@ from typing import NamedTuple, Optional
 import numpy as np
 
 from ._kernel import unit_vector  # load-time trigonometry through the kernel's own functions
-from .chain import BASE, Chain, Joint
+from .chain import BASE, Chain, ChainError, Joint
 
 
 def incidence_matrix(chain: Chain) -> np.ndarray:
@@ -92,13 +92,13 @@ class Place(NamedTuple):
 
 
 def _inertia_about_carrier(body, origin: complex, moment: complex, chain: Chain) -> float:
-    """Moment of inertia, kg m^2, of a welded body about its carrier's joint point; ValueError: it overflows."""
+    """Moment of inertia, kg m^2, of a welded body about its carrier's joint point; ChainError: it overflows."""
     try:
         inertia = body.inertia + body.mass * abs(origin)**2 + 2.0 * (origin.conjugate() * moment).real
     except OverflowError:
         inertia = inf
     if not isfinite(inertia):
-        raise ValueError(f"body '{body.name}' of {chain.name} is welded on too far from a joint: its moment of inertia "
+        raise ChainError(f"body '{body.name}' of {chain.name} is welded on too far from a joint: its moment of inertia "
                          'about that is not finite')
     return inertia
 

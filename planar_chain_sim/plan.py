@@ -65,10 +65,17 @@ def _kernel_model(chain: Chain, links) -> object:
 
 
 def plan_of(chain: Chain) -> Plan:
-    """Return the chain's plan, made when it is first asked for and kept with the chain from then on."""
+    """
+    Return the chain's plan, made when it is first asked for and kept with the chain from then on.
+
+    ChainError: a chain that was made by hand and cannot be.
+    """
     kept = chain.__dict__   # a frozen dataclass lets its cache be written here, and pickles without it
     plan = kept.get('_plan')
     if plan is None:
+        if '_checked' not in kept:
+            from .chain_checks import check_chain
+            check_chain(chain)
         plan = kept['_plan'] = _make_plan(chain)
     return plan
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 from math import inf, isfinite
 from typing import Callable, NamedTuple
 
-from .chain import Chain
+from .chain import altered, Chain
 
 
 class Quantity(NamedTuple):
@@ -25,13 +25,13 @@ def _of_joints(name: str, unit: str, wanted: str, allowed: Callable[[float], boo
         bodies = tuple(replace(body, **{
             kind: replace(getattr(body, kind), **{name: next(numbers)})
             for kind in ('slide', 'rotation') if getattr(body, kind) is not None}) for body in chain.bodies)
-        return replace(chain, bodies=bodies)
+        return altered(chain, bodies=bodies)
     return Quantity(unit, lambda chain: [getattr(joint, name) for joint in chain.joints], put, wanted, allowed)
 
 
 QUANTITIES = {
     'gravity': Quantity('m/s^2, [x, y]', lambda chain: [chain.gravity.real, chain.gravity.imag],
-                        lambda chain, values: replace(chain, gravity=complex(*values))),
+                        lambda chain, values: altered(chain, gravity=complex(*values))),
     'damping': _of_joints('damping', 'N m s/rad or N s/m, in joint order', 'finite numbers >= 0',
                           lambda value: 0.0 <= value < inf),
     'effort_limit': _of_joints('effort_limit', 'N m or N, in joint order; inf is no limit', 'numbers >= 0',
@@ -41,7 +41,7 @@ QUANTITIES = {
 
 def changed_chain(chain: Chain, name: str, values) -> Chain:
     """
-    Return the chain with other values (a list) of a quantity; `source` stays that of the chain it was.
+    Return the chain with other values (a list) of a quantity.
 
     ValueError: one sentence, for a wrong number of values or one that cannot be.
     """
@@ -62,7 +62,7 @@ def same_but_for_quantities(chain: Chain, other: Chain) -> bool:
         return False
     for quantity in QUANTITIES.values():
         other = quantity.put(other, quantity.get(chain))
-    return replace(chain, source='') == replace(other, source='')
+    return chain == other
 
 
 def to_json(values) -> list:

@@ -1,7 +1,7 @@
 """A chain in time: state, ticks, efforts; no clock, no ROS. Same chain, method, step and efforts: same bits."""
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from math import isfinite, ulp
 from threading import RLock
 from typing import Mapping, NamedTuple, Optional
@@ -10,7 +10,7 @@ from warnings import warn
 import numpy as np
 
 from . import _kernel
-from .chain import Chain
+from .chain import altered, Chain
 from .dynamics import Interrupted, joint_array, resolve_form, SimulationError
 from .integrators import choose_method, DEFAULT_TOLERANCE, method_data, METHODS, STIFF, taylor_order, UNROLLED_SERIES
 from .loads import checked_wrench, index_of, on_links, with_payload, without_payload, Wrench
@@ -123,7 +123,7 @@ class Simulation:
     give. set_state, restore, another chain, stops and friction's events let the estimate start anew.
 
     `step` s; `tolerance` belongs to adaptive methods; `form` as in forward_dynamics, one of the compiled.
-    ValueError: bad method, step, tolerance or form.
+    ValueError: bad method, step, tolerance or form. ChainError: a chain made by hand that cannot be.
 
     Any thread may use a simulation: while one is in a long call, another one's call waits until that has returned, but
     for interrupt(). A signal handler that runs in the midst of a call of its own thread gets a RuntimeError.
@@ -138,6 +138,7 @@ class Simulation:
         if form == 'reference':
             raise ValueError("form is 'reference', must be 'auto', 'dense' or 'recursive': "
                              'only compiled forms are integrated')
+        plan_of(chain)   # which refuses one that cannot be
         self.chain, self.step = chain, float(step)
         self._row, self.tolerance = resolve_method(chain, method, tolerance)
         self.method, self._asked = self._row.name, method
@@ -274,6 +275,7 @@ class Simulation:
         Time, state and hidden round-off terms stay, as do the method and what stands still; an adaptive method starts
         its steps anew. ValueError, and nothing is changed: other joints.
         """
+        plan_of(chain)   # which refuses one that cannot be
         if chain.joint_names != self.chain.joint_names:
             raise ValueError(f'chain {chain.name!r} has other joints than {self.chain.name!r}, must have the same')
         fresh = Simulation(chain, self.method, self.step, self.tolerance, self.form_asked)
@@ -297,7 +299,7 @@ class Simulation:
 
     @staticmethod
     def _bare_chain(chain: Chain, own_bodies: int) -> Chain:
-        return chain if len(chain.bodies) == own_bodies else replace(chain, bodies=chain.bodies[:own_bodies])
+        return chain if len(chain.bodies) == own_bodies else altered(chain, bodies=chain.bodies[:own_bodies])
 
     @property
     def wrenches(self) -> dict[str, Wrench]:
@@ -360,6 +362,11 @@ class Simulation:
     def payloads(self) -> tuple[str, ...]:
         """Names of the payloads that are attached."""
         return tuple(body.name for body in self.chain.bodies[self._own_bodies:])
+
+    @property
+    def own_chain(self) -> Chain:
+        """The chain without payloads."""
+        return self._bare_chain(self.chain, self._own_bodies)
 
     def _counts(self) -> tuple:
         with self._changing:

@@ -111,7 +111,7 @@ def test_between_two_ticks_may_be_at_the_second(method, chain):
 
 
 def test_another_chain_is_refused_and_a_changed_one_is_taken():
-    heavier = replace(ROBOT, bodies=(replace(ROBOT.bodies[0], mass=9.0), *ROBOT.bodies[1:]))
+    heavier = ROBOT.with_parameters({f'{ROBOT.bodies[0].name}.mass': 2.5})
     saved = pcs.Simulation(heavier).checkpoint()
     simulation = pcs.Simulation(ROBOT)
     simulation.advance(3)

@@ -16,7 +16,7 @@ def open_log(simulation, values, publishers, inputs) -> BackgroundLogWriter:
     settings = settings_of(simulation, publishers['state'].topic_name, publishers['events'].topic_name)
     try:
         return BackgroundLogWriter(
-            values['record'], channels, {'chain.yaml': simulation.chain.source.encode()},
+            values['record'], channels, {'chain.yaml': simulation.own_chain.source.encode()},
             {'planar_chain_sim': settings}, values['record_flush_period'], values['record_compression'])
     except LogError as error:
         raise Mistake(str(error)) from None

@@ -15,6 +15,7 @@ from ..chain import Chain
 from ..chain_section import clipped, suggestion
 from ..dynamics import forward_dynamics, joint_array
 from ..path_matrix import motion_of_joints
+from ..plan import plan_of
 
 COORDINATES = ('absolute', 'joint')
 
@@ -101,10 +102,11 @@ def equations(chain: Chain, coordinates: str = 'absolute', trigonometric: bool =
     `trigonometric`, become sines and cosines; symbols stay or, if `numeric`, become the chain's numbers, like terms
     added. The residual of an equation in joint coordinates is inverse_dynamics - effort of that joint; those in
     absolute coordinates are mapped to these by the transposed joint map (equations.md 4). ValueError: unknown
-    coordinates.
+    coordinates; ChainError: a chain made by hand that cannot be.
     """
     if coordinates not in COORDINATES:
         raise ValueError(f'coordinates is {coordinates!r}, must be one of {", ".join(map(repr, COORDINATES))}')
+    plan_of(chain)   # which refuses one that cannot be
     return Equations(chain, coordinates, trigonometric, numeric)
 
 
