@@ -15,14 +15,16 @@ from struct import error as StructError, Struct
 from typing import Iterator, NamedTuple
 from zlib import crc32
 
-import lz4.frame
-from mcap import records
-from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
-from mcap.opcode import Opcode
-import zstandard
-
-from .log_writer import LogError
+from .log_error import LogError, require_mcap
+try:
+    import lz4.frame
+    from mcap import records
+    from mcap.data_stream import ReadDataStream
+    from mcap.exceptions import McapError
+    from mcap.opcode import Opcode
+    import zstandard
+except ImportError:
+    pass   # read_log() says so in words
 
 MAX_CHUNK_SIZE = 2 ** 26    # bytes after decompression; ours are 256 KiB, those of other tools a few MiB
 
@@ -68,6 +70,7 @@ def read_log(path) -> Log:
     LogError if the file cannot be read, is no MCAP file or is no log of this package. A file torn by a kill or a full
     disk is read up to its last whole chunk.
     """
+    require_mcap(path)
     path = Path(path)
     attachments, metadata, complete = {}, {}, False
     with _open(path) as file:

@@ -7,22 +7,25 @@ process that is killed loses no more than what came in after the last flush.
 """
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from threading import Event, Thread
 from time import monotonic
 from typing import Mapping, Optional, Sequence
+from warnings import warn
 
-from .mcap_file import CHUNK_SIZE, McapFile
+from .log_error import LogError, require_mcap
 from .message_types import MESSAGE_TYPES
 from .rosbag2_profile import bag_information, Channel, channel_metadata, NO_TIME
+try:
+    from .mcap_file import CHUNK_SIZE, McapFile
+except ImportError:
+    pass   # LogWriter says so in words
 
 COMPRESSIONS = {'none': '', 'lz4': 'lz4', 'zstd': 'zstd'}
 LOOK_PERIOD = 0.05          # s between two looks of a BackgroundLogWriter's thread at its chunk
+WATCH_PERIOD = 0.5          # s between two looks at whether the file is still where it was
 BACKLOG_LIMIT = 10 ** 8     # bytes; a disk this far behind will not catch up
-
-
-class LogError(Exception):
-    """A log that cannot be written or read: one sentence that names the file and the reason."""
 
 
 class LogWriter:
@@ -38,12 +41,13 @@ class LogWriter:
     def __init__(self, path, channels: Sequence[Channel], attachments: Optional[Mapping[str, bytes]] = None,
                  metadata: Optional[Mapping[str, Mapping[str, str]]] = None, flush_period: float = 0.5,
                  compression: str = 'none'):
+        require_mcap(path)
         self.path = Path(path)
         self._channels = tuple(channels)
         self._check(flush_period, compression)
         self.flush_period = flush_period
         self._file = self._create()
-        self._failure = None
+        self._failure, self._written = None, 0   # why writing ended; bytes handed to the system
         try:
             self._mcap = McapFile(self._file, 'ros2', 'planar_chain_sim', COMPRESSIONS[compression])
             self.chunk = self._mcap.chunk
@@ -107,13 +111,43 @@ class LogWriter:
             self._mcap.flush()
         except OSError as error:
             raise self._fail(error.strerror or str(error)) from None
-        self.flush_due = monotonic() + self.flush_period
+        self._written, self.flush_due = self._file.tell(), monotonic() + self.flush_period
+
+    def whereabouts(self) -> str:
+        """Return a sentence on what others have done to the open file, '' where it is as it should be."""
+        try:
+            mine = os.fstat(self._file.fileno())
+            try:
+                there = os.stat(self.path)
+            except (FileNotFoundError, NotADirectoryError):
+                there = None
+        except (OSError, ValueError):   # ValueError: closed meanwhile
+            return ''
+        name = f'log {str(self.path)!r}'
+        if not mine.st_nlink:
+            return f'{name}: the file has been deleted, what is recorded will be lost'
+        if there is None:
+            return f'{name}: the file has been moved away, recording goes on into it where it is now'
+        if not os.path.samestat(mine, there):
+            return f'{name}: another file has this name now, recording goes on into the first one where it is now'
+        if mine.st_size < self._written:
+            return f'{name}: somebody has cut the file short, the log is damaged'
+        return ''
 
     def close(self) -> None:
-        """Finish the file with its summary; nothing is done a second time or after a failure. LogError."""
+        """
+        Finish the file with its summary; nothing is done a second time or after a failure.
+
+        LogError where that fails or the file has been deleted; a file that was moved is warned of.
+        """
         if self._file.closed:
             return
         self.flush()
+        where = self.whereabouts()
+        if where and not os.fstat(self._file.fileno()).st_nlink:
+            raise self._fail('the file has been deleted')
+        if where:
+            warn(where, RuntimeWarning, stacklevel=2)
         try:
             self._mcap.add_metadata('rosbag2', self._bag_information())
             self._mcap.finish()
@@ -192,7 +226,7 @@ class BackgroundLogWriter:
         self._writer = LogWriter(*arguments, **options)
         self._add, self._channel_ids = self._writer.chunk.add_message, self._writer.channel_ids
         self.error: Optional[LogError] = None
-        self._accepting = True
+        self._accepting, self._whereabouts, self._watch_due = True, '', monotonic() + WATCH_PERIOD
         self._closing = Event()
         self._thread = Thread(target=self._run, name='log writer', daemon=True)
         self._thread.start()
@@ -207,6 +241,11 @@ class BackgroundLogWriter:
     def backlog(self) -> int:
         """Messages not handed to the system yet; one that computes faster than real time should watch it."""
         return self._writer.backlog
+
+    @property
+    def trouble(self) -> str:
+        """Return what is wrong, '' for nothing: the error, or what others have done to the file up to 0.5 s ago."""
+        return str(self.error) if self.error else self._whereabouts
 
     def write(self, topic: str, data: bytes, log_time_ns: int, publish_time_ns: int, sequence: int = 0) -> None:
         """Take one message as LogWriter.append does; never blocks and never raises, from any thread."""
@@ -239,8 +278,14 @@ class BackgroundLogWriter:
                 work()
             except LogError as error:
                 self._stop(error)
+            except BaseException:   # a mistake of ours: Python shows its traceback, and nobody waits for this thread
+                self._stop(LogError(f'log {str(self._writer.path)!r}: writing stopped by an error inside, shown above'))
+                raise
 
     def _write_until_closed(self) -> None:
         period = min(LOOK_PERIOD, self._writer.flush_period / 4)
         while not self._closing.wait(period):
             self._writer.flush_when_due(period)   # the next look would be too late
+            if monotonic() >= self._watch_due:
+                self._watch_due = monotonic() + WATCH_PERIOD
+                self._whereabouts = self._writer.whereabouts()

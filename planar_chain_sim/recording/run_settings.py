@@ -7,8 +7,8 @@ from platform import machine
 
 import numpy as np
 
+from .log_error import LogError
 from .log_reader import Log
-from .log_writer import LogError
 from .. import __version__, _kernel
 from ..chain import ChainError
 from ..chain_yaml import chain_from_text

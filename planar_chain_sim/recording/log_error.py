@@ -1,0 +1,18 @@
+"""LogError, and what a log needs that may not be installed."""
+from __future__ import annotations
+
+from importlib.util import find_spec
+
+NEEDED = ('mcap', 'lz4', 'zstandard')   # the latter two come with the first
+
+
+class LogError(Exception):
+    """A log that cannot be written or read: one sentence that names the file and the reason."""
+
+
+def require_mcap(path) -> None:
+    """Raise LogError for the log of this path where the library that logs are written and read with is missing."""
+    missing = [name for name in NEEDED if find_spec(name) is None]
+    if missing:
+        raise LogError(f'log {str(path)!r}: logs need the Python package {missing[0]}, which is not installed; '
+                       '`rosdep install --from-paths . --ignore-src` or `pip install mcap` does that')
