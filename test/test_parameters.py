@@ -7,7 +7,8 @@ from rclpy.signals import SignalHandlerOptions
 
 from planar_chain_sim import load_chain
 from planar_chain_sim.command_line import Mistake
-from planar_chain_sim.ros.parameters import declare_chain_parameters, declare_parameters, let_set, PARAMETERS
+from planar_chain_sim.ros.declaration import declare_chain_parameters, declare_parameters, let_set
+from planar_chain_sim.ros.parameters import PARAMETERS
 
 
 CHAIN = load_chain('double_pendulum.yaml')
@@ -29,8 +30,7 @@ def declared(context):
 
     def declare(*parameters):
         arguments = ['--ros-args', *(part for parameter in parameters for part in ('-p', parameter))]
-        nodes.append(Node('simulator', context=context, cli_args=arguments, start_parameter_services=False,
-                          automatically_declare_parameters_from_overrides=True))
+        nodes.append(Node('simulator', context=context, cli_args=arguments, start_parameter_services=False))
         return declare_parameters(nodes[-1]), nodes[-1]
     yield declare
     for node in nodes:
@@ -49,9 +49,10 @@ def test_every_parameter_is_described_and_read_only_where_no_change_acts(declare
     declare_chain_parameters(node, CHAIN)
     for row in PARAMETERS:
         descriptor = node.describe_parameter(row.name)
-        assert descriptor.description == row.description and descriptor.read_only != row.live
-        assert descriptor.type == node.get_parameter(row.name).type_.value == row.type.value
-        if row.limits:
+        assert descriptor.description.startswith(row.description) and row.unit in descriptor.description
+        assert descriptor.read_only != row.live
+        assert descriptor.type == node.get_parameter(row.name).type_.value == Parameter.Type[row.type].value
+        if row.limits and row.type == 'DOUBLE':
             limits, = descriptor.floating_point_range
             assert (limits.from_value, limits.to_value) == row.limits
     outcome, = node.set_parameters([Parameter('rate', value=100.0)])
@@ -113,8 +114,9 @@ def test_the_chain_gives_defaults_and_only_what_was_given_is_returned(declared):
     ('damping:=[-1.0, 1.0]', "parameter 'damping' is -1.0 in one place, must be finite numbers >= 0 "
      '(N m s/rad or N s/m, in joint order)'),
     ('effort_limit:=[a, b]', "parameter 'effort_limit' is ['a', 'b'], must be a list of numbers"),
-    ('payload_position:=[1.0]', "parameter 'payload_position' is [1.0], must be two finite numbers, [x, y]"),
-    ('payload_position:=[.inf, 0.0]', "parameter 'payload_position' is [inf, 0.0], must be two finite numbers, [x, y]"),
+    ('payload_position:=[1.0]', "parameter 'payload_position' is [1.0], must be two numbers, [x, y]"),
+    ('payload_position:=[.inf, 0.0]',
+     "parameter 'payload_position' is [inf, 0.0], must be numbers from -1e+06 to 1e+06"),
     ('payload_body:=hand', "parameter 'payload_body' is 'hand', must be a body of the chain: "
      f'{", ".join(body.name for body in CHAIN.bodies)}'),
     ('lockstep_joints:=[elbow]', "parameter 'lockstep_joints' names 'elbow', must name joints of the chain: "
@@ -130,10 +132,10 @@ def test_live_parameters_are_converted_checked_and_applied_all_or_none(declared)
     _, node = declared()
     declare_chain_parameters(node, CHAIN)
     applied = []
-    let_set(node, CHAIN, lambda name, value: (applied.append((name, value)) or True, ''))
+    let_set(node, CHAIN, lambda values: (applied.append(values) or True, ''))
     results = node.set_parameters([Parameter('gravity', value=[0, -2]), Parameter('real_time_factor', value=2)])
     assert all(result.successful for result in results), results
-    assert applied == [('gravity', [0.0, -2.0]), ('real_time_factor', 2.0)]
+    assert applied == [{'gravity': [0.0, -2.0]}, {'real_time_factor': 2.0}]
     assert node.get_parameter('gravity').type_ == Parameter.Type.DOUBLE_ARRAY
     outcome = node.set_parameters_atomically([Parameter('gravity', value=[1.0, 1.0]),
                                               Parameter('damping', value=[1.0, -1.0])])
@@ -147,7 +149,7 @@ def test_live_parameters_are_converted_checked_and_applied_all_or_none(declared)
 def test_what_the_simulator_refuses_is_not_set(declared):
     _, node = declared()
     declare_chain_parameters(node, CHAIN)
-    let_set(node, CHAIN, lambda name, value: (False, 'no'))
+    let_set(node, CHAIN, lambda values: (False, 'no'))
     outcome, = node.set_parameters([Parameter('command_timeout', value=1.0)])
     assert not outcome.successful and outcome.reason == 'no'
     assert node.get_parameter('command_timeout').value == 0.0

@@ -14,7 +14,7 @@ class Diagnostics:
     """
     Publishes what the Simulator measures on `publisher`, at each report().
 
-    `values`: the node's parameters. `log`: BackgroundLogWriter or None. `name`: the node's.
+    `values`: the node's parameters. `log`: BackgroundLogWriter or None. `name`: the node's, with its namespace.
     """
 
     def __init__(self, name: str, simulator, publisher, values, log, hardware: str):
@@ -78,5 +78,5 @@ class Diagnostics:
         if not self._log:
             return self._status('log', OK, 'off', {})
         values = {'path': self._values['record'], 'waiting messages': self._log.backlog}
-        error = self._log.error
-        return self._status('log', ERROR if error else OK, str(error) if error else 'writing', values)
+        trouble = self._log.trouble
+        return self._status('log', ERROR if self._log.error else WARN if trouble else OK, trouble or 'writing', values)

@@ -74,7 +74,8 @@ def control(own_arguments, ros_arguments, stop) -> None:
 
 def controller_of(node):
     """Return the controller that the node's parameters want, and its chain; Mistake or ChainError."""
-    from .parameters import declare, given_values, Row
+    from .declaration import declare, given_values
+    from .parameters import Row
     from ..chain_yaml import load_chain
     rows = (Row('chain_file', 'four_link_robot.yaml', 'Chain file that the simulator has.'),
             Row('amplitude', 0.5, 'Swing of a rotation, rad; a slide swings a fifth of it, m.', (-100.0, 100.0)),

@@ -3,6 +3,7 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 import gc
+from shutil import get_terminal_size
 import sys
 import warnings
 
@@ -13,28 +14,29 @@ A planar chain of rigid bodies, simulated in real time as a ROS 2 node.
 
 It publishes joint_states, takes efforts on ~/commands (joint order) and ~/joint_commands (by name), and answers
 ~/reset, ~/pause and ~/step. `ros2 param describe /simulator NAME` explains a parameter.
-SIGINT and SIGTERM end it with exit code 0; a mistake is told in one sentence, exit code 2."""
-EXAMPLE = 'simulator --ros-args -p chain_file:=seven_link_arm.yaml -p record:=run.mcap -r __ns:=/arm'
+SIGINT, SIGTERM and SIGHUP end it with exit code 0; a mistake is told in one sentence, exit code 2."""
+EXAMPLE = 'simulator seven_link_arm.yaml --ros-args -p record:=run.mcap -r __ns:=/arm'
 
 SWITCH_INTERVAL = 1e-4  # s; at Python's usual 5 ms the log's thread or a service could hold a tick up for that long
+SHOWN = 12   # joints that the first line names
 ON_TOPIC = 'robot_description'  # a chain file of this name is the text that comes on the topic
 
 
 def main(arguments=None) -> int:
-    """Run the executable: the handlers of SIGINT and SIGTERM first, nothing heavy is imported before."""
+    """Run the executable: the handlers of stop signals first, nothing heavy is imported before."""
     return run_until_stopped('simulator', simulate, arguments)
 
 
 def simulate(own_arguments, ros_arguments, stop) -> None:
     """Simulate until something is put into `stop`. Mistake: arguments, parameters, chain, method or log are no good."""
-    from ..command_line import Mistake, Parser
-    Parser('simulator', DESCRIPTION, EXAMPLE).parse_args(own_arguments)
+    from ..command_line import Mistake
+    told = parse(own_arguments)
     gc.disable()  # until all is loaded: nothing of it is garbage
     with ExitStack() as ending:  # ends in reverse order, so that nobody is asked who has gone already
         node = start_node('simulator', ros_arguments, ending)
         # Of a step that is too long, at the start or while it runs.
         warnings.showwarning = lambda message, *_: node.get_logger().warning(str(message))
-        started = start_simulator(node, ending, stop)
+        started = start_simulator(node, ending, stop, told)
         if not started:
             return
         simulator, simulation, urdf, values, log = started
@@ -42,18 +44,39 @@ def simulate(own_arguments, ros_arguments, stop) -> None:
         gc.freeze()  # what is here now stays: a collection that went through all of it would hold up a tick
         gc.enable()
         reason = wait_for(stop)
-    if log and log.error:
+    if log and log.error and values['on_log_failure'] == 'stop':
         raise Mistake(str(log.error))
+    if log and log.error:   # told when it happened, but for what happened at the end
+        print(f'simulator: {log.error}', file=sys.stderr)
     if reason is not None:
         raise reason
 
 
-def start_simulator(node, ending, stop):
-    """Return a running Simulator, its simulation, its URDF or None, parameters, log or None; None after a stop."""
-    from .messages import create_polled_subscription, create_publisher, INPUTS, OUTPUTS
-    from .parameters import declare_chain_parameters, declare_parameters
+def parse(arguments) -> dict:
+    """Return the parameter that the command line gives besides those of ROS; Mistake on what is no argument."""
+    from ..command_line import Parser
+    parser = Parser('simulator', DESCRIPTION, EXAMPLE)
+    parser.add_argument('chain', nargs='?', help='chain file, YAML or URDF: the parameter chain_file')
+    if not {'-h', '--help'}.isdisjoint(arguments):
+        from .parameters import parameter_table
+        parser.print_help()
+        print('\nparameters, as in `--ros-args -p rate:=500.0`; live: can be set while the node runs\n')
+        print(parameter_table(width=min(get_terminal_size().columns, 120)))
+        raise SystemExit(0)
+    chain = parser.parse_args(arguments).chain
+    return {} if chain is None else {'chain_file': chain}
 
-    values = declare_parameters(node)
+
+def start_simulator(node, ending, stop, told):
+    """
+    Return a running Simulator, its simulation, its URDF or None, parameters, log or None; None after a stop.
+
+    `told`: parameters that were given in another way than as such.
+    """
+    from .messages import create_polled_subscription, create_publisher, INPUTS, OUTPUTS
+    from .declaration import declare_chain_parameters, declare_parameters
+
+    values = declare_parameters(node, **told)
     tell_of_clocks(node, values)
     # Topics first: while the chain is read, the others on the network find them.
     publishers = {key: create_publisher(node, topic) for key, topic in OUTPUTS.items()
@@ -75,16 +98,27 @@ def start_simulator(node, ending, stop):
     sys.setswitchinterval(SWITCH_INTERVAL)
     simulator.start()
     ending.callback(simulator.stop)
-    node.get_logger().info(f'running {chain.name} at {values["rate"]:g} Hz, joints {", ".join(chain.joint_names)}; '
-                           f'{simulation.plan}')
+    say_hello(node, simulation, values, publishers, inputs)
     return simulator, simulation, urdf, values, log
+
+
+def say_hello(node, simulation, values, publishers, inputs) -> None:
+    """Tell what runs, where to send efforts, and how to see it; what only we care for at debug level."""
+    names, logger = simulation.chain.joint_names, node.get_logger()
+    shown = ', '.join(names[:SHOWN]) + (f' and {len(names) - SHOWN} more' if len(names) > SHOWN else '')
+    state = publishers['state'].topic_name
+    logger.info(f'running {simulation.chain.name}: joints {shown}; {values["rate"]:g} Hz, method {simulation.method}')
+    logger.info(f'send efforts to {inputs["commands"].topic_name} (Float64MultiArray, {len(names)} in this order) or '
+                f'{inputs["joint_commands"].topic_name} (JointState, by name)')
+    logger.info(f'see it: ros2 topic echo {state}; in RViz or Foxglove with publish_markers:=true')
+    logger.debug(simulation.plan)
 
 
 def serve(node, ending, stop, simulator, chain, urdf, values, log) -> None:
     """Start answering and publishing what no tick waits for: services, parameters, diagnostics, URDF, markers."""
     from .diagnostics import Diagnostics, PERIOD
     from .messages import create_publisher, SIDE_OUTPUTS
-    from .parameters import let_set
+    from .declaration import let_set
     from .services import ServiceThread
 
     services = ServiceThread(node, simulator, stop.put)
@@ -95,9 +129,9 @@ def serve(node, ending, stop, simulator, chain, urdf, values, log) -> None:
         from std_msgs.msg import String
         from ..urdf_writer import urdf_of
         publishers['description'].publish(String(data=urdf or urdf_of(chain)))
-    let_set(node, chain, lambda name, value: simulator.ask('set_parameter', name, value))
-    services.every(PERIOD, Diagnostics(node.get_name(), simulator, publishers['diagnostics'], values, log,
-                                       chain.name).report)
+    let_set(node, chain, lambda given: simulator.ask('set_parameters', given))
+    services.every(PERIOD, Diagnostics(node.get_fully_qualified_name().lstrip('/'), simulator,
+                                       publishers['diagnostics'], values, log, chain.name).report)
     if 'markers' in publishers:
         from .markers import marker_array, PERIOD as MARKER_PERIOD
         frame_id = values['frame_id'] or 'world'
@@ -164,7 +198,7 @@ def create_simulation(chain, values):
                 chain = changed_chain(chain, name, values[name])
         simulation = Simulation(chain, method=values['method'], step=1.0 / values['rate'],
                                 tolerance=values['tolerance'] or None)
-        apply_change(simulation, 'payload', payload_of(values))
+        apply_change(simulation, 'payload', payload_of(values, simulation))
         return simulation
     except ValueError as error:
         raise Mistake(str(error)) from None

@@ -1,33 +1,35 @@
 """
-The node's parameters, one row each: name, default, description, range, and whether a change while running acts.
+The node's parameters, one row each: name, default, description, unit, range, and whether a change while running acts.
 
-Rows with an `of_chain` take their default from the chain and are declared when it has been loaded.
+Rows with an `of_chain` take their default from the chain and are declared when it has been loaded. Nothing here needs
+ROS, so that --help works without it; declaration.py makes ROS parameters of the rows.
 """
 from __future__ import annotations
 
 from array import array
-from difflib import get_close_matches
-from math import isfinite
+import re
+import textwrap
 from typing import Callable, NamedTuple, Optional, Union
 
-from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
-from rclpy.parameter import Parameter
-
 from ..command_line import Mistake
+from ..integrators import METHODS
 from ..quantities import changed_chain, QUANTITIES
 
 Value = Union[bool, float, str, list]
-NUMBERS, TEXTS = Parameter.Type.DOUBLE_ARRAY, Parameter.Type.STRING_ARRAY
-TYPES = {bool: Parameter.Type.BOOL, float: Parameter.Type.DOUBLE, str: Parameter.Type.STRING}
-WANTED = {Parameter.Type.BOOL: 'true or false', Parameter.Type.DOUBLE: 'a number', Parameter.Type.STRING: 'a text',
-          NUMBERS: 'a list of numbers', TEXTS: 'a list of texts'}
+NUMBERS, TEXTS = 'DOUBLE_ARRAY', 'STRING_ARRAY'   # types are named as in rclpy.parameter.Parameter.Type
+TYPES = {bool: 'BOOL', float: 'DOUBLE', str: 'STRING'}
+WANTED = {'BOOL': 'true or false', 'DOUBLE': 'a number', 'STRING': 'a text', NUMBERS: 'a list of numbers',
+          TEXTS: 'a list of texts'}
+TINY = re.compile(r'[-+]?\d+\.?\d*[eE][-+]?\d+')   # beyond 1e-308 and 1e308 ROS takes a number for a text
+FARTHEST = 1e6   # m; what is welded on farther out has an inertia beside which all else is rounding
 
 
 class Row(NamedTuple):
     """
     A parameter; its type is that of its default, or a list, `of_chain`: (type, default by the chain).
 
-    `limits`: least and greatest number. `choices`: of a text. `live`: may be set while the node runs.
+    `limits`: least and greatest number, of each number of a list; `smallest`: least number but 0. `choices`: of a text.
+    `live`: may be set while the node runs.
     """
 
     name: str
@@ -36,104 +38,103 @@ class Row(NamedTuple):
     limits: Optional[tuple[float, float]] = None
     choices: tuple[str, ...] = ()
     live: bool = False
-    of_chain: Optional[tuple[Parameter.Type, Callable]] = None
+    of_chain: Optional[tuple[str, Callable]] = None
+    unit: str = ''
+    smallest: float = 0.0
 
     @property
-    def type(self) -> Parameter.Type:
-        """Return the type that ROS knows the parameter by."""
+    def type(self) -> str:
+        """Return the name of the type that ROS knows the parameter by."""
         return self.of_chain[0] if self.of_chain else TYPES[type(self.default)]
+
+    @property
+    def range(self) -> str:
+        """Return what `limits` and `smallest` allow, in words."""
+        least = f'0 or from {self.smallest:g}' if self.smallest else f'from {self.limits[0]:g}'
+        return f'{least} to {self.limits[1]:g}'
 
 
 PARAMETERS = (
     Row('chain_file', 'four_link_robot.yaml',
         'Chain to simulate (YAML, or URDF of a planar robot); a relative path is looked for in the working directory, '
         "then in the package; 'robot_description' waits for the URDF on that topic."),
-    Row('method', 'auto', "Integration method, or 'auto'."),
-    Row('rate', 1000.0, 'Ticks per simulated second, Hz: commands act and states are logged by ticks.', (1.0, 1e5)),
+    Row('method', 'auto', "Integration method, or 'auto'.", choices=('auto', *METHODS)),
+    Row('rate', 1000.0, 'Ticks per simulated second: commands act and states are logged by ticks.', (1.0, 1e5),
+        unit='Hz'),
     Row('tolerance', 0.0, 'Bound of the estimated local error per step of an adaptive method, relative to '
         'max(1, |value|); 0 stands for 1e-9, and is a must where the method has a fixed step.', (0.0, 1.0)),
-    Row('publish_rate', 0.0, 'States published per simulated second, Hz: rate divided by a whole number; default or 0: '
-        'rate.', (0.0, 1e5)),
+    Row('publish_rate', 0.0, 'States published per simulated second: rate divided by a whole number; default or 0: '
+        'rate.', (0.0, 1e5), unit='Hz', smallest=1e-3),
+    # At 1e-6 and 1 Hz a tick takes 11 days.
     Row('real_time_factor', 1.0, 'Simulated seconds per second of wall time; 0: as fast as possible.', (0.0, 1e3),
-        live=True),
+        live=True, unit='s/s', smallest=1e-6),
     Row('start_paused', False, 'Start paused, so that nothing falls before a controller is there.'),
     Row('lockstep', False, 'Publish a state, advance only when every joint of lockstep_joints has a command for it.'),
-    Row('command_timeout', 0.0, 'Seconds after which a joint that gets no command any more has zero effort, simulated '
-        'time; in lockstep seconds of wall time after which silence is reported; 0: never.', (0.0, 1e6), live=True),
+    Row('command_timeout', 0.0, 'Time after which a joint that gets no command any more has zero effort, simulated; '
+        'in lockstep wall time after which silence is reported; 0: never.', (0.0, 1e6), live=True, unit='s'),
     Row('on_controller_loss', 'zero', "Efforts when the last publisher of commands has gone: 'zero' or 'hold'.",
         choices=('zero', 'hold'), live=True),
-    Row('payload_mass', 0.0, 'Mass of the payload that payload_body carries, kg; 0: none.', (0.0, 1e9), live=True),
+    Row('payload_mass', 0.0, 'Mass of the payload that payload_body carries; 0: none.', (0.0, 1e9), live=True,
+        unit='kg', smallest=1e-12),
     Row('payload_body', '', 'Body that carries the payload; empty: the last one of the chain.'),
-    Row('payload_position', None, 'Where the payload has its mass centre, m, [x, y] in the frame of that body.',
-        of_chain=(NUMBERS, lambda chain: [0.0, 0.0])),
+    Row('payload_position', None, 'Where the payload has its mass centre, [x, y] in the frame of that body.',
+        (-FARTHEST, FARTHEST), of_chain=(NUMBERS, lambda chain: [0.0, 0.0]), unit='m'),
     Row('publish_clock', False, 'Publish simulated time on /clock and stamp states with it.'),
     Row('publish_markers', False, 'Publish the bodies on ~/markers, 30 times a second at most.'),
     Row('frame_id', '', 'header.frame_id of the joint states.'),
     Row('record', '', 'MCAP log to write, a new file; empty: no log.'),
-    Row('record_flush_period', 0.5, 'Seconds of log that a killed process can lose at most.', (0.01, 3600.0)),
+    Row('record_flush_period', 0.5, 'Time of log that a killed process can lose at most.', (0.01, 3600.0), unit='s'),
+    Row('on_log_failure', 'go_on', 'When the log can be written no more, as on a full disk: tell it and go on, or stop '
+        'with exit code 2.', choices=('go_on', 'stop'), live=True),
     Row('record_compression', 'none', 'Compression of the log.', choices=('none', 'lz4', 'zstd')),
     Row('lockstep_joints', None, 'Joints whose commands lockstep waits for; default or empty: all.',
         of_chain=(TEXTS, lambda chain: list(chain.joint_names))),
-    *(Row(name, None, f'{name.replace("_", " ").capitalize()}: {quantity.unit}.', live=True,
+    *(Row(name, None, f'{name.replace("_", " ").capitalize()}.', live=True, unit=quantity.unit,
           of_chain=(NUMBERS, quantity.get)) for name, quantity in QUANTITIES.items()),
 )
 ROWS = {row.name: row for row in PARAMETERS}
 
 
-def given_values(node, rows) -> dict[str, Value]:
-    """
-    Return name -> value of rows, as given or else the default; an integer is taken where a number is meant.
-
-    The node must have declared its overrides itself (automatically_declare_parameters_from_overrides): only so does
-    rclpy show them before it fixes their types. Mistake on a value of the wrong type, outside its range or choices.
-    """
-    given = {name: parameter.value for name, parameter in node.get_parameters_by_prefix('').items()}
-    _warn_of_unknown(node, given, [row.name for row in rows])
-    return {row.name: _checked(row, given[row.name]) if row.name in given else row.default for row in rows
-            if not row.of_chain}
-
-
-def declare_parameters(node) -> dict[str, Value]:
-    """Declare the rows that need no chain and return name -> value; Mistake as given_values()."""
-    values = given_values(node, PARAMETERS)
-    values['publish_rate'] = values['publish_rate'] or values['rate']
-    ticks = values['rate'] / values['publish_rate']
-    if ticks < 0.5 or abs(ticks - round(ticks)) > 1e-9 * ticks:
-        raise Mistake(f"parameter 'publish_rate' is {values['publish_rate']}, must be 0 or `rate` "
-                      f"({values['rate']}) divided by a whole number")
-    declare(node, values, ROWS)
-    return values
+def parameter_table(rows=PARAMETERS, width: int = 80) -> str:
+    """Return the parameters as a text of at most `width` columns: name, default, unit, live or not; the meaning."""
+    lines = [f'{"parameter":21}{"default":22}{"live":6}unit']
+    for row in rows:
+        default = "the chain's" if row.of_chain else str(row.default) if row.type == 'STRING' else (
+            str(row.default).lower())
+        lines.append(f'{row.name:21}{default or repr(""):22}{"yes" if row.live else "no":6}{row.unit}'.rstrip())
+        meaning = row.description
+        if row.limits:
+            meaning += f' Range: {row.range}.'
+        if row.choices:
+            meaning += f' Choices: {", ".join(row.choices)}.'
+        lines += textwrap.wrap(meaning, width, initial_indent='    ', subsequent_indent='    ')
+    return '\n'.join(lines)
 
 
-def declare_chain_parameters(node, chain) -> dict[str, Value]:
-    """
-    Declare the rows whose default is the chain's and return the values that were given; Mistake as above.
-
-    `lockstep_joints`, `payload_body` and `payload_position` are always among them.
-    """
-    given, values = {}, {}
-    for row in PARAMETERS:
-        if row.of_chain:
-            values[row.name] = row.of_chain[1](chain)
-            if node.has_parameter(row.name):
-                given[row.name] = _checked(row, node.get_parameter(row.name).value)
-                if row.name in QUANTITIES:
-                    check_quantity(chain, row.name, given[row.name])
-    given['lockstep_joints'] = given.get('lockstep_joints') or values['lockstep_joints']
-    for name in given['lockstep_joints']:
-        if name not in chain.joint_names:
-            raise Mistake(f"parameter 'lockstep_joints' names {name!r}, must name joints of the chain: "
-                          f'{", ".join(chain.joint_names[:32])}')
-    bodies = [body.name for body in chain.bodies]
-    payload_body = node.get_parameter('payload_body').value or bodies[-1]
-    if payload_body not in bodies:
-        raise Mistake(f"parameter 'payload_body' is {payload_body!r}, must be a body of the chain: "
-                      f'{", ".join(bodies[:32])}')
-    place = given.setdefault('payload_position', values['payload_position'])
-    if len(place) != 2 or not all(map(isfinite, place)):
-        raise Mistake(f"parameter 'payload_position' is {place}, must be two finite numbers, [x, y]")
-    declare(node, {**values, **given}, ROWS)
-    return {**given, 'payload_body': payload_body}
+def checked(row: Row, value) -> Value:
+    """Return the value as the row's type has it, an integer as the number it is; Mistake: it cannot be."""
+    if row.type == 'DOUBLE' and (type(value) is int or isinstance(value, str) and TINY.fullmatch(value)):
+        value = _number(row, value)
+    if row.of_chain and isinstance(value, (list, tuple, array)):
+        kinds = {type(item) for item in value}
+        if row.type == NUMBERS and kinds <= {int, float}:
+            values = [_number(row, item) for item in value]
+            for item in values if row.limits else ():
+                _refuse_outside(row, item, values)
+            return values
+        if row.type == TEXTS and kinds <= {str}:
+            return list(value)
+    if row.of_chain or type(value) is not type(row.default):
+        shown = list(value) if isinstance(value, array) else value
+        got = 'is an empty list' if value is None else f'is {shown!r:.80}'   # which ROS can give no type
+        raise Mistake(f'parameter {row.name!r} {got}, must be {WANTED[row.type]}')
+    if row.limits:
+        _refuse_outside(row, value, value)
+    if row.choices and value not in row.choices:
+        raise Mistake(f'parameter {row.name!r} is {value!r:.80}, must be one of {", ".join(map(repr, row.choices))}')
+    if row.type == 'STRING' and '\0' in value:
+        raise Mistake(f'parameter {row.name!r} is {value!r:.80}, must be a text without NUL')
+    return value
 
 
 def check_quantity(chain, name: str, values) -> None:
@@ -144,85 +145,57 @@ def check_quantity(chain, name: str, values) -> None:
         raise Mistake(f'parameter {error}') from None
 
 
-def let_set(node, chain, apply: Callable[[str, Value], tuple[bool, str]]) -> None:
+def check_publish_rate(values: dict[str, Value]) -> None:
+    """Put `rate` for a `publish_rate` of 0; Mistake where no whole number of ticks lies between two states."""
+    values['publish_rate'] = values['publish_rate'] or values['rate']
+    ticks = values['rate'] / values['publish_rate']
+    if ticks < 0.5 or abs(ticks - round(ticks)) > 1e-9 * ticks:
+        raise Mistake(f"parameter 'publish_rate' is {values['publish_rate']}, must be 0 or `rate` "
+                      f"({values['rate']}) divided by a whole number")
+
+
+def check_for_chain(chain, given: dict[str, Value]) -> dict[str, Value]:
     """
-    From now on let live parameters be set: what passes the checks goes to `apply(name, value)` -> (success, sentence).
+    Return what was given of the rows with a default by the chain, checked against it; Mistake.
 
-    All parameters of an atomic set are checked before the first is applied.
+    `given`: those, and `payload_body`. An empty list stands for the default. `lockstep_joints`, `payload_body` and
+    `payload_position` are always there.
     """
-    def convert(parameters):
-        return [_converted(parameter) for parameter in parameters]
-
-    def take(parameters):
-        mine = [parameter for parameter in parameters if parameter.name in ROWS]
-        try:
-            values = [_checked(ROWS[parameter.name], parameter.value) for parameter in mine]
-            for parameter, value in zip(mine, values):
-                if parameter.name in QUANTITIES:
-                    check_quantity(chain, parameter.name, value)
-        except Mistake as mistake:
-            return SetParametersResult(successful=False, reason=str(mistake))
-        for parameter, value in zip(mine, values):
-            success, sentence = apply(parameter.name, value)
-            if not success:
-                return SetParametersResult(successful=False, reason=sentence)
-        return SetParametersResult(successful=True)
-
-    node.add_pre_set_parameters_callback(convert)
-    node.add_on_set_parameters_callback(take)
-
-
-def declare(node, values: dict[str, Value], rows: dict[str, Row]) -> None:
-    """Declare parameters of these values as their rows (by name) describe them, in place of what was given."""
-    for name, value in values.items():
-        if node.has_parameter(name):
-            node.undeclare_parameter(name)
-        node.declare_parameter(name, value, _descriptor(rows[name]), ignore_override=True)
+    values = {}
+    for row in PARAMETERS:
+        if row.of_chain and row.name in given:
+            value = [] if given[row.name] is None else checked(row, given[row.name])
+            if value:
+                values[row.name] = value
+                if row.name in QUANTITIES:
+                    check_quantity(chain, row.name, value)
+    joints = values.setdefault('lockstep_joints', list(chain.joint_names))
+    for name in joints:
+        if name not in chain.joint_names:
+            raise Mistake(f"parameter 'lockstep_joints' names {name!r}, must name joints of the chain: "
+                          f'{", ".join(chain.joint_names[:32])}')
+    bodies = [body.name for body in chain.bodies]
+    values['payload_body'] = given['payload_body'] or bodies[-1]
+    if values['payload_body'] not in bodies:
+        raise Mistake(f"parameter 'payload_body' is {values['payload_body']!r}, must be a body of the chain: "
+                      f'{", ".join(bodies[:32])}')
+    place = values.setdefault('payload_position', [0.0, 0.0])
+    if len(place) != 2:
+        raise Mistake(f"parameter 'payload_position' is {place}, must be two numbers, [x, y]")
+    return values
 
 
-def _converted(parameter: Parameter) -> Parameter:
-    """Return the parameter with integers as floats where numbers are meant: their type is fixed by declaration."""
-    row = ROWS.get(parameter.name)
-    if row and row.type is Parameter.Type.DOUBLE and parameter.type_ is Parameter.Type.INTEGER:
-        return Parameter(row.name, row.type, float(parameter.value))
-    if row and row.type is NUMBERS and parameter.type_ is Parameter.Type.INTEGER_ARRAY:
-        return Parameter(row.name, row.type, list(map(float, parameter.value)))
-    return parameter
+def _number(row: Row, value: Union[int, float, str]) -> float:
+    try:
+        return float(value)
+    except OverflowError:
+        raise Mistake(f'parameter {row.name!r} is {value!r:.80}, must be a number up to 1e308') from None
 
 
-def _checked(row: Row, value) -> Value:
-    if row.type is Parameter.Type.DOUBLE and type(value) is int:
-        value = float(value)
-    if row.of_chain and isinstance(value, (list, tuple, array)):
-        kinds = {type(item) for item in value}
-        if row.type is NUMBERS and kinds <= {int, float}:
-            return list(map(float, value))
-        if row.type is TEXTS and kinds <= {str}:
-            return list(value)
-    if row.of_chain or type(value) is not type(row.default):
-        shown = list(value) if isinstance(value, array) else value
-        raise Mistake(f'parameter {row.name!r} is {shown!r:.80}, must be {WANTED[row.type]}')
-    if row.limits and not row.limits[0] <= value <= row.limits[1]:
-        raise Mistake(f'parameter {row.name!r} is {value}, must be from {row.limits[0]:g} to {row.limits[1]:g}')
-    if row.choices and value not in row.choices:
-        raise Mistake(f'parameter {row.name!r} is {value!r}, must be one of {", ".join(map(repr, row.choices))}')
-    return value
-
-
-def _descriptor(row: Row) -> ParameterDescriptor:
-    descriptor = ParameterDescriptor(name=row.name, description=row.description, read_only=not row.live)
-    if row.limits:
-        descriptor.floating_point_range = [FloatingPointRange(from_value=row.limits[0], to_value=row.limits[1])]
-    if row.choices:
-        descriptor.additional_constraints = f'one of {", ".join(row.choices)}'
-    elif row.name in QUANTITIES:
-        descriptor.additional_constraints = QUANTITIES[row.name].wanted
-    return descriptor
-
-
-def _warn_of_unknown(node, given, known) -> None:
-    """Warn of a parameter that looks like a slip; others may be meant for other nodes of a shared file."""
-    for name in given:
-        close = get_close_matches(name, known, n=1)
-        if close and name not in known:
-            node.get_logger().warning(f"parameter '{name}' is not known and has no effect, did you mean '{close[0]}'?")
+def _refuse_outside(row: Row, number: float, shown: Value) -> None:
+    numbers = 'numbers ' if isinstance(shown, list) else ''
+    if not row.limits[0] <= number <= row.limits[1]:
+        least, greatest = row.limits
+        raise Mistake(f'parameter {row.name!r} is {shown}, must be {numbers}from {least:g} to {greatest:g}')
+    if 0.0 < number < row.smallest:
+        raise Mistake(f'parameter {row.name!r} is {shown}, must be 0 or at least {row.smallest:g}')

@@ -5,23 +5,27 @@ from contextlib import ExitStack
 import os
 from pathlib import Path
 from queue import Empty, SimpleQueue
+import re
 import signal
 import sys
 from typing import Callable, Optional, Sequence
 
-STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+PLACE_IN_SOURCE = re.compile(r', at \S+\.c(pp)?:\d+')   # which ROS adds to its sentences
 DDS_PROFILE = Path(__file__).with_name('fast_dds.xml')
 
 
 def catch_stop_signals() -> SimpleQueue:
     """
-    From now on SIGINT and SIGTERM put None into the returned queue and do nothing else.
+    From now on SIGINT, SIGTERM and SIGHUP put None into the returned queue and do nothing else.
 
+    A SIGHUP that is ignored, as under nohup, stays so.
     SimpleQueue.put may interrupt a get; an Event's set could meet its own wait holding the lock, and never return.
     """
     stop = SimpleQueue()
     for number in STOP_SIGNALS:
-        signal.signal(number, lambda number, frame: stop.put(None))
+        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, lambda number, frame: stop.put(None))
     return stop
 
 
@@ -35,7 +39,10 @@ def run_until_stopped(program: str, body: Callable[[list, list, SimpleQueue], No
     stop = catch_stop_signals()
     from ..command_line import Mistake
     try:
-        body(*split_arguments(sys.argv[1:] if arguments is None else arguments), stop)
+        own, ros = split_arguments(sys.argv[1:] if arguments is None else arguments)
+        from .arguments import refuse_misplaced
+        refuse_misplaced(program, own, ros)
+        body(own, ros, stop)
         return 0
     except Mistake as mistake:
         print(f'{program}: {mistake}', file=sys.stderr, flush=True)
@@ -77,8 +84,12 @@ def start_node(name: str, arguments: Sequence[str], ending: ExitStack):
     from ..command_line import Mistake
     if not Path('DEFAULT_FASTRTPS_PROFILES.xml').exists():  # which Fast DDS takes of itself
         os.environ.setdefault('FASTRTPS_DEFAULT_PROFILES_FILE', str(DDS_PROFILE))
+    from .arguments import refuse_mixed_lists, unheard
+    refuse_mixed_lists(arguments)
     try:
         import rclpy
+        from rclpy.exceptions import NameValidationException
+        from rclpy.impl.implementation_singleton import rclpy_implementation
         from rclpy.node import Node
         from rclpy.signals import SignalHandlerOptions
     except ImportError as error:
@@ -87,8 +98,14 @@ def start_node(name: str, arguments: Sequence[str], ending: ExitStack):
     try:
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
         ending.callback(rclpy.try_shutdown)
-        node = Node(name, automatically_declare_parameters_from_overrides=True)
-    except Exception as error:  # of no common class; each says what is wrong with the arguments or the surroundings
-        raise Mistake(str(error).splitlines()[0]) from None
+        node = Node(name)
+    except rclpy_implementation.UnknownROSArgsError as error:
+        raise Mistake(f'arguments after --ros-args that ROS does not know: {error}') from None
+    except UnicodeError:
+        raise Mistake('an argument is not UTF-8 text') from None
+    except (rclpy_implementation.RCLError, rclpy_implementation.RMWError, NameValidationException) as error:
+        raise Mistake(PLACE_IN_SOURCE.sub('', str(error).splitlines()[0])) from None
     ending.callback(node.destroy_node)
+    for sentence in unheard(arguments, node.get_fully_qualified_name()):
+        node.get_logger().warning(sentence)
     return node

@@ -28,7 +28,7 @@ def replay(own_arguments, ros_arguments, stop) -> None:
     options = parse(own_arguments)
     from ..command_line import Mistake
     from ..recording.log_reader import read_log
-    from ..recording.log_writer import LogError
+    from ..recording.log_error import LogError
     try:
         log = read_log(options.log)
         with ExitStack() as ending:

@@ -26,14 +26,26 @@ LOOK_PERIOD = 20_000_000  # ns between two looks at who publishes commands and a
 LONGEST_SLEEP = 10_000_000  # ns; a request or a stop is seen after at most this, whatever the rate
 LONGEST_BACKLOG = 20_000  # messages; as fast as possible is no faster than the disk
 ANSWER_TIMEOUT = 2.0  # s
+WITHDRAWN = ('set_parameters', 'measure')   # of no use to who has given up waiting: a parameter reads as it was
+LONGEST_SILENCE = 1_000_000_000   # ns between two states while time stands, for those who come late
 STEP_SLICE = 20_000_000  # ns of steps between two looks at what else is asked
 ENDING = 'the simulation is ending'
 
 
-def payload_of(values) -> dict:
-    """Return the change 'payload' that the node's parameters ask for."""
-    return {'name': 'payload', 'body': values['payload_body'], 'mass': values['payload_mass'],
+def payload_of(values, simulation) -> dict:
+    """Return the change 'payload' that the node's parameters ask for; its name is none of a body of the chain."""
+    bodies, name = {body.name for body in simulation.chain.bodies}.difference(simulation.payloads), 'payload'
+    while name in bodies:
+        name += '_'
+    return {'name': name, 'body': values['payload_body'], 'mass': values['payload_mass'],
             'position': values['payload_position'], 'inertia_com': 0.0}
+
+
+class Request:
+    """Something asked of the tick thread, and where its answer goes; `late`: who asked waits no more."""
+
+    def __init__(self, what: str, arguments: tuple):
+        self.what, self.arguments, self.reply, self.late = what, arguments, SimpleQueue(), False
 
 
 class Simulator:
@@ -58,7 +70,7 @@ class Simulator:
         self._has_joint_events = simulation.has_events
         self._paused, self._end = values['start_paused'], None
         self._look_due = self._repeat_due = 0
-        self._requests, self._stopping = deque(), False
+        self._requests, self._stopping, self._log_trouble = deque(), False, ''
         self.overruled = 0   # how often somebody has paused, resumed or reset: who steps on gives way
         self._thread = Thread(target=self._run_guarded, name='tick', daemon=True)
 
@@ -85,20 +97,38 @@ class Simulator:
         Have something done between two ticks and return its answer, (success, sentence).
 
         'reset'; 'step'; 'step_on' (at most so many ticks, `overruled` when that was asked for first), whose sentence is
-        the number of ticks done; 'pause' (bool); 'set_parameter' (name, value); 'measure', whose sentence is a
-        Measurement.
+        the number of ticks done; 'pause' (bool, and whether to reset too); 'set_parameters' ({name: value}), all or
+        none; 'measure', whose sentence is a Measurement. Where a tick takes longer than ANSWER_TIMEOUT the answer is
+        (False, so), and what was asked for is done after it and told in the log; of WITHDRAWN nothing is done then.
         """
-        reply = SimpleQueue()
-        self._requests.append((getattr(self, f'_{what}'), arguments, reply))
+        request = Request(what, arguments)
+        self._requests.append(request)
         self._intake.wake()
         until = monotonic_ns() + round(ANSWER_TIMEOUT * 1e9)
-        while monotonic_ns() < until:
+        while not self._stopping:
             try:
-                return reply.get(timeout=0.05)
+                return request.reply.get(timeout=0.05)
             except Empty:
-                if self._stopping:
-                    return False, ENDING
-        return False, f'the simulation has not answered within {ANSWER_TIMEOUT:g} s'
+                if monotonic_ns() < until or request.late:
+                    continue
+            if what not in WITHDRAWN:
+                return self._leave(request)
+            try:
+                self._requests.remove(request)
+                return False, f'not done: the simulation is in a tick that takes longer than {ANSWER_TIMEOUT:g} s'
+            except ValueError:
+                request.late = True   # it is being done, and that takes no tick
+        return False, ENDING
+
+    @staticmethod
+    def _leave(request: Request):
+        """Wait no longer for an answer, which is told in the log when it is there."""
+        request.late = True
+        try:
+            return request.reply.get_nowait()
+        except Empty:
+            return False, (f'still under way after {ANSWER_TIMEOUT:g} s: a tick takes long; it will be done, and told '
+                           'in the log and on ~/events')
 
     @property
     def paused(self) -> bool:
@@ -135,15 +165,13 @@ class Simulator:
             if name in self._values:
                 self._publication.event('parameter', name=name, value=to_json(self._values[name]))
         if self._values['payload_mass']:
-            self._publication.event('payload', **payload_of(self._values), plan=self._simulation.plan)
+            self._publication.event('payload', **payload_of(self._values, self._simulation), plan=self._simulation.plan)
         if self._paused:
             self._publication.event('pause')
         self._publication.lay_out()
         self._show(record=True)
         while not self._stopping:
-            while self._requests:
-                action, arguments, reply = self._requests.popleft()
-                reply.put(action(*arguments))
+            self._answer_requests()
             now = monotonic_ns()
             if now >= self._look_due:
                 self._look_due = now + LOOK_PERIOD
@@ -153,14 +181,25 @@ class Simulator:
             else:
                 self._go_on(now)
 
+    def _answer_requests(self) -> None:
+        while self._requests:
+            try:
+                request = self._requests.popleft()
+            except IndexError:   # withdrawn
+                return
+            answer = getattr(self, f'_{request.what}')(*request.arguments)
+            request.reply.put(answer)
+            if request.late and request.what not in WITHDRAWN:
+                self._logger.info(f'{request.what} of a while ago: {answer[1]}')
+
     def _stand(self, now: int) -> None:
         """Show the state that stands, again and again, and take commands for when it goes on."""
         if now < self._repeat_due:
             sleep(min(self._repeat_due - now, LONGEST_SLEEP) * 1e-9)
             return
-        period = self._pacing.period or 1e9 * self._simulation.step
         self._latch()
-        self._repeat_due = now + round(period * self._publication.ticks_per_state)
+        period = round(1e9 * self._simulation.step * self._publication.ticks_per_state)   # of the wall, at any pace
+        self._repeat_due = now + min(period, LONGEST_SILENCE)
         self._show(record=False)
 
     def _go_on(self, now: int) -> None:
@@ -254,14 +293,25 @@ class Simulator:
 
     def _look(self) -> None:
         """Look at what needs no look at every tick: is there still a controller, is there still a log."""
-        if self._log and self._log.error:
-            raise self._log.error
+        if self._log:
+            self._look_at_log()
         self._intake.look()
         if self._held.commanded and not self._intake.commanded and self._values['on_controller_loss'] == 'zero':
             self._latch()  # its last words
             self._clear_commands()
             self._publication.event('controller_loss', effort=self._held.effort.tolist())
             self._logger.warning('the last publisher of commands has gone, efforts are zero now')
+
+    def _look_at_log(self) -> None:
+        """Tell of trouble with the log, once; LogError where that is to end the node."""
+        trouble = self._log.trouble
+        if trouble != self._log_trouble:
+            self._log_trouble = trouble
+            if trouble:
+                self._publication.event('log_failure', message=trouble)
+                self._logger.error(trouble)
+        if self._log.error and self._values['on_log_failure'] == 'stop':
+            raise self._log.error
 
     def _clear_commands(self) -> None:
         self._held.clear()
@@ -309,33 +359,45 @@ class Simulator:
             done += 1
         return True, done
 
-    def _pause(self, wanted: bool) -> tuple[bool, str]:
+    def _pause(self, wanted: bool, reset: bool = False) -> tuple[bool, str]:
         self.overruled += 1
-        if wanted == self._paused:
-            return True, f'already {"paused" if wanted else "running"} at tick {self._simulation.tick}'
-        self._paused = wanted
-        if not wanted:
-            self._pacing.anchor(self._simulation.tick, monotonic_ns())
-        self._publication.event('pause' if wanted else 'resume')
-        return True, f'{"paused" if wanted else "running"} from tick {self._simulation.tick} on'
+        state, tick = 'paused' if wanted else 'running', self._simulation.tick
+        sentence = f'already {state} at tick {tick}'
+        if wanted != self._paused:
+            self._paused, sentence = wanted, f'{state} from tick {tick} on'
+            if not wanted:
+                self._pacing.anchor(tick, monotonic_ns())
+            self._publication.event('pause' if wanted else 'resume')
+        if reset:
+            self._reset()
+        return True, sentence
 
-    def _set_parameter(self, name: str, value) -> tuple[bool, str]:
-        kind, data = 'parameter', {'name': name, 'value': to_json(value) if name in QUANTITIES else value}
-        if name == 'payload_mass':
-            kind, data = 'payload', payload_of({**self._values, name: value})
-        try:
-            apply_change(self._simulation, kind, data)
-        except ValueError as error:
-            return False, f'parameter {name!r}: {error}'
-        self._values[name] = value
-        if name in QUANTITIES or kind == 'payload':
-            self._meter.begin(self._simulation)
-        if kind == 'payload':
-            data['plan'] = self._simulation.plan   # made anew
-        elif name == 'real_time_factor':
-            self._pacing.set_period(self._period(), self._simulation.tick, monotonic_ns())
-        self._publication.event(kind, **data)
-        return True, f'{name} acts from tick {self._simulation.tick} on'
+    def _set_parameters(self, values: dict) -> tuple[bool, str]:
+        """Let all values act from this tick on, or none of them where one cannot be."""
+        simulation, changes = self._simulation, []
+        moving = [name for name in values if name in QUANTITIES or name == 'payload_mass']
+        before = simulation.checkpoint() if moving else None
+        for name, value in values.items():
+            kind, data = 'parameter', {'name': name, 'value': to_json(value) if name in QUANTITIES else value}
+            if name == 'payload_mass':
+                kind, data = 'payload', payload_of({**self._values, name: value}, simulation)
+            try:
+                apply_change(simulation, kind, data)
+            except ValueError as error:
+                if moving:
+                    simulation.restore(before)
+                return False, f'parameter {name!r}: {error}'
+            changes.append((kind, data))
+        self._values.update(values)
+        if moving:
+            self._meter.begin(simulation)
+        if 'real_time_factor' in values:
+            self._pacing.set_period(self._period(), simulation.tick, monotonic_ns())
+        for kind, data in changes:
+            if kind == 'payload':
+                data['plan'] = simulation.plan   # made anew
+            self._publication.event(kind, **data)
+        return True, f'{", ".join(values)}: from tick {simulation.tick} on'
 
     def _measure(self) -> tuple:
         return True, self._meter.measure(self._simulation.tick, self._intake, self._end, self._paused)

@@ -65,9 +65,8 @@ class StandardServices:
             self._quit()
         elif wanted in (PLAYING, PAUSED, STOPPED):
             self._stopped_at = None
-            done, sentence = self._simulator.ask('pause', wanted != PLAYING)
+            done, sentence = self._simulator.ask('pause', wanted != PLAYING, wanted == STOPPED)
             if done and wanted == STOPPED:
-                done, sentence = self._simulator.ask('reset')
                 self._stopped_at = self._simulator.tick
             return _answer(response, done, sentence)
         else:

@@ -1,0 +1,124 @@
+"""Rows of parameters made ROS parameters: what was given taken as it comes, declared, and set while the node runs."""
+from __future__ import annotations
+
+from difflib import get_close_matches
+from typing import Callable
+
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
+from rclpy.exceptions import ParameterNotDeclaredException
+from rclpy.parameter import Parameter
+
+from .parameters import (check_for_chain, check_publish_rate, check_quantity, checked, NUMBERS, PARAMETERS, Row, ROWS,
+                         Value)
+from ..command_line import Mistake
+from ..quantities import QUANTITIES
+
+
+def overrides(node) -> dict[str, Value]:
+    """Return name -> value of all parameters that were given to the node; None for an empty list, of no type in ROS."""
+    with node.handle:
+        return {name: parameter.value for name, parameter in node.handle.get_parameters(Parameter).items()}
+
+
+def given_values(node, rows, **told: Value) -> dict[str, Value]:
+    """
+    Return name -> value of rows, as given or else the default; an integer is taken where a number is meant.
+
+    `told`: values that were given in another way. Mistake: a value of the wrong type, outside its range or choices, or
+    given in both ways.
+    """
+    given = overrides(node)
+    _warn_of_unknown(node, given, [row.name for row in rows])
+    for name, value in told.items():
+        if name in given:
+            raise Mistake(f'{name} is given twice, as {value!r} and by the parameter, {given[name]!r}: give it once')
+    given.update(told)
+    return {row.name: checked(row, given[row.name]) if row.name in given else row.default for row in rows
+            if not row.of_chain}
+
+
+def declare_parameters(node, **told: Value) -> dict[str, Value]:
+    """Declare the rows that need no chain and return name -> value; `told` and Mistake as given_values()."""
+    values = given_values(node, PARAMETERS, **told)
+    check_publish_rate(values)
+    declare(node, values, ROWS)
+    return values
+
+
+def declare_chain_parameters(node, chain) -> dict[str, Value]:
+    """Declare the rows whose default is the chain's; return and Mistake as check_for_chain()."""
+    values = check_for_chain(chain, {**overrides(node), 'payload_body': node.get_parameter('payload_body').value})
+    defaults = {row.name: row.of_chain[1](chain) for row in PARAMETERS if row.of_chain}
+    declare(node, {name: values.get(name, default) for name, default in defaults.items()}, ROWS)
+    return values
+
+
+def let_set(node, chain, apply: Callable[[dict[str, Value]], tuple[bool, str]]) -> None:
+    """
+    From now on let live parameters be set: checked values go to `apply({name: value})` -> (success, sentence).
+
+    All parameters of an atomic set are checked first and applied together.
+    """
+    def convert(parameters):
+        unknown = [parameter.name for parameter in parameters if not node.has_parameter(parameter.name)]
+        if unknown:
+            raise ParameterNotDeclaredException(unknown)   # rclpy's own forgets the first name
+        return [_converted(parameter, chain) for parameter in parameters]
+
+    def take(parameters):
+        try:
+            values = {parameter.name: checked(ROWS[parameter.name], parameter.value) for parameter in parameters
+                      if parameter.name in ROWS}
+            for name, value in values.items():
+                if name in QUANTITIES:
+                    check_quantity(chain, name, value)
+        except Mistake as mistake:
+            return SetParametersResult(successful=False, reason=str(mistake))
+        success, sentence = apply(values) if values else (True, '')
+        return SetParametersResult(successful=success, reason='' if success else sentence)
+
+    node.add_pre_set_parameters_callback(convert)
+    node.add_on_set_parameters_callback(take)
+
+
+def declare(node, values: dict[str, Value], rows: dict[str, Row]) -> None:
+    """Declare parameters of these values as their rows (by name) describe them, whatever was given."""
+    for name, value in values.items():
+        node.declare_parameter(name, value, _descriptor(rows[name]), ignore_override=True)
+
+
+def _converted(parameter: Parameter, chain) -> Parameter:
+    """Return the parameter as its declared type has it: integers as the numbers meant, an empty list as the default."""
+    row = ROWS.get(parameter.name)
+    if row is None:
+        return parameter
+    kind = Parameter.Type[row.type]
+    if kind is Parameter.Type.DOUBLE and parameter.type_ is Parameter.Type.INTEGER:
+        return Parameter(row.name, kind, float(parameter.value))
+    if row.type == NUMBERS and parameter.type_ is Parameter.Type.INTEGER_ARRAY and len(parameter.value):
+        return Parameter(row.name, kind, list(map(float, parameter.value)))
+    if row.of_chain and parameter.type_.name.endswith('ARRAY') and not len(parameter.value):
+        return Parameter(row.name, kind, row.of_chain[1](chain))
+    return parameter
+
+
+def _descriptor(row: Row) -> ParameterDescriptor:
+    description = f'{row.description} [{row.unit}]' if row.unit else row.description
+    descriptor = ParameterDescriptor(name=row.name, description=description, read_only=not row.live)
+    if row.limits and row.type == 'DOUBLE':
+        descriptor.floating_point_range = [FloatingPointRange(from_value=row.limits[0], to_value=row.limits[1])]
+    if row.smallest or row.limits and row.type == NUMBERS:
+        descriptor.additional_constraints = row.range
+    if row.choices:
+        descriptor.additional_constraints = f'one of {", ".join(row.choices)}'
+    elif row.name in QUANTITIES:
+        descriptor.additional_constraints = QUANTITIES[row.name].wanted
+    return descriptor
+
+
+def _warn_of_unknown(node, given, known) -> None:
+    """Warn of a parameter that looks like a slip; others may be meant for other nodes of a shared file."""
+    for name in given:
+        close = get_close_matches(name, known, n=1)
+        if close and name not in known:
+            node.get_logger().warning(f"parameter '{name}' is not known and has no effect, did you mean '{close[0]}'?")
