@@ -1,25 +1,62 @@
 """What every command line here keeps to: help with an example, one sentence on stderr and exit code 2 for a mistake."""
 from __future__ import annotations
 
-from argparse import ArgumentParser, RawDescriptionHelpFormatter
+from argparse import ArgumentParser, HelpFormatter
+from contextlib import suppress
+import errno
+import os
+import re
 import signal
 import sys
+import textwrap
 from typing import Callable, NoReturn, Optional, Sequence
 import warnings
 
 INTERRUPTED = 130   # the shell's code for a command that Ctrl-C ended
+NUMBERS = re.compile(r'-(?:[\d.]|inf|nan|pi)')   # how a value begins that is no option
+NOT_WRITTEN = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
 
 
 class Mistake(Exception):
     """Something the user can mend: one sentence."""
 
 
+class Paragraphs(HelpFormatter):
+    """Help as wide as the terminal: paragraphs are filled, lines that begin with blanks are wrapped each by itself."""
+
+    def _fill_text(self, text, width, indent):
+        blocks = []
+        for line in text.splitlines():
+            if line[:1].isspace() or not line or not blocks or not blocks[-1] or blocks[-1][:1].isspace():
+                blocks.append(line)
+            else:
+                blocks[-1] += f' {line}'
+        broken = ' \\\n' if text.startswith('example:') else '\n'   # so that a shell takes it
+        return '\n'.join(broken.join(self._wrapped(line, max(width - 2, 20))) for line in blocks) + '\n'
+
+    @staticmethod
+    def _wrapped(line: str, width: int) -> list:
+        begin = line[:len(line) - len(line.lstrip())]
+        return textwrap.wrap(line.strip(), width, initial_indent=begin, subsequent_indent=begin and f'{begin}    ',
+                             break_long_words=False, break_on_hyphens=False)
+
+
 class Parser(ArgumentParser):
-    """An argument parser whose refusal is one sentence."""
+    """An argument parser whose refusal is one sentence, and that takes a number below zero for a value."""
 
     def __init__(self, program: str, description: str, example: str):
         super().__init__(program, description=description, epilog=f'example:\n  {example}', allow_abbrev=False,
-                         formatter_class=RawDescriptionHelpFormatter)
+                         formatter_class=Paragraphs)
+
+    def parse_known_args(self, args=None, namespace=None):
+        """Join `--option -1,2` to `--option=-1,2` first."""
+        arguments = list(sys.argv[1:] if args is None else args)
+        takes_value = {flag for action in self._actions if action.nargs is None for flag in action.option_strings
+                       if flag.startswith('--')}
+        for k in reversed(range(len(arguments) - 1)):
+            if arguments[k] in takes_value and NUMBERS.match(arguments[k + 1]):
+                arguments[k:k + 2] = [f'{arguments[k]}={arguments[k + 1]}']
+        return super().parse_known_args(arguments, namespace)
 
     def error(self, message: str) -> NoReturn:
         """Raise the refusal."""
@@ -31,23 +68,71 @@ def run_command(program: str, body: Callable[[Optional[Sequence[str]]], int],
     """
     Run `body(arguments)` and return its exit code; 2 and one sentence on stderr for a user's mistake; 130 after Ctrl-C.
 
-    SIGTERM is taken for Ctrl-C, so that files are closed as they should be.
+    SIGTERM is taken for Ctrl-C, so that files are closed as they should be. What is no mistake of the user shows its
+    traceback, with exit code 2 too.
     """
-    from .chain import ChainError
-    from .dynamics import SimulationError
-    from .recording.log_writer import LogError
-
     for number in (signal.SIGINT, signal.SIGTERM):   # SIGINT too: a shell's background job is born deaf to it
         signal.signal(number, signal.default_int_handler)
     warnings.showwarning = lambda message, *_: print(f'{program}: warning: {message}', file=sys.stderr)
     try:
-        return body(arguments)
-    except (Mistake, ChainError, LogError, SimulationError, ValueError) as error:
-        print(f'{program}: {error}', file=sys.stderr)
-        return 2
+        return exit_code(program, lambda: body(arguments))
     except KeyboardInterrupt:
-        print(f'{program}: interrupted', file=sys.stderr)
+        say(program, 'interrupted')
         return INTERRUPTED
-    except BrokenPipeError:    # the reader of our output has gone, as in `... | head`
-        sys.stderr.close()
+
+
+def exit_code(program: str, work: Callable[[], int]) -> int:
+    """Return the exit code of `work()`, 2 after a sentence or a traceback on stderr, 0 where nobody reads any more."""
+    if hasattr(sys.stdout, 'reconfigure'):
+        sys.stdout.reconfigure(errors='backslashreplace')   # a name may have letters that the locale has not
+    try:
+        try:
+            code = work()
+        finally:   # SystemExit too, after --help
+            if sys.stdout is not None:
+                sys.stdout.flush()
+        return code
+    except BrokenPipeError:   # the reader of our output has gone, as in `... | head`
+        leave_output()
         return 0
+    except Exception as error:
+        sentence = sentence_of(error)
+        if sentence is None:
+            raise_to_user(error)
+        else:
+            say(program, sentence)
+        return 2
+
+
+def sentence_of(error: Exception) -> Optional[str]:
+    """Return what a user is told of a mistake, None of a bug."""
+    if isinstance(error, OSError) and error.filename is None and error.errno in NOT_WRITTEN:
+        leave_output()
+        return f'its output cannot be written ({error.strerror})'
+    if isinstance(error, MemoryError):
+        return f'there is not enough memory{f" ({error})" if str(error) else ""}, must be a smaller task'
+    if isinstance(error, Mistake):
+        return str(error)
+    from .chain import ChainError
+    from .dynamics import SimulationError
+    from .recording.log_error import LogError
+    return str(error) if isinstance(error, (ChainError, LogError, SimulationError)) else None
+
+
+def raise_to_user(error: Exception) -> None:
+    """Show the traceback of a bug."""
+    import traceback
+    with suppress(OSError, ValueError):
+        traceback.print_exception(type(error), error, error.__traceback__)
+
+
+def say(program: str, sentence: str) -> None:
+    """Write one sentence on stderr, where there is one."""
+    with suppress(OSError, ValueError, AttributeError):
+        print(f'{program}: {sentence}', file=sys.stderr, flush=True)
+
+
+def leave_output() -> None:
+    """Let what is still to be written go nowhere: nobody reads it, or the disk is full."""
+    with suppress(OSError, ValueError, AttributeError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -561,15 +561,18 @@ class Run:
 
 
 def rollout(chain: Chain, duration: float, step: float = 1e-3, method: str = 'auto', effort=None,
-            tolerance: Optional[float] = None, form: str = 'auto') -> Run:
+            tolerance: Optional[float] = None, form: str = 'auto', position=None, velocity=None) -> Run:
     """
-    Simulate `duration` s from the chain's initial state.
+    Simulate `duration` s from `position` and `velocity` (joints,); where one is None, from that of the chain.
 
     `effort`: None, (joints,) held, (ticks, joints) a row per tick, or a callable once per tick, (time, position,
-    velocity) -> (joints,). ValueError: bad arguments, a duration that is no whole number of steps. SimulationError
-    as in Simulation.advance.
+    velocity) -> (joints,). ValueError: bad arguments, a position beyond a stop, a duration that is no whole number of
+    steps. SimulationError as in Simulation.advance.
     """
     simulation = Simulation(chain, method, step, tolerance, form)
+    if position is not None or velocity is not None:
+        own = initial_state(chain)
+        simulation.set_state(own[0] if position is None else position, own[1] if velocity is None else velocity)
     ticks, joints = whole_ticks(duration, simulation.step), chain.joint_count
     position, velocity = np.empty((ticks + 1, joints)), np.empty((ticks + 1, joints))
     acted = np.empty((ticks, joints))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import planar_chain_sim as pcs
-from planar_chain_sim.recording import rollout
+from planar_chain_sim.recording import effort_table, rollout
 from planar_chain_sim.recording.log_reader import read_log
 
 ROBOT = 'four_link_robot.yaml'
@@ -53,13 +53,14 @@ def test_efforts_are_the_same_from_a_table_and_an_array_file(tmp_path):
     np.save(tmp_path / 'efforts.npy', rows)
     np.savetxt(tmp_path / 'efforts.csv', rows, delimiter=',')
     for name in ('efforts.npy', 'efforts.csv'):
-        assert rollout.read_efforts(str(tmp_path / name), chain).tobytes() == rows.tobytes()
-    assert rollout.read_efforts('1,0,-2,3e1,0.5', chain).tolist() == [1.0, 0.0, -2.0, 30.0, 0.5]
+        assert effort_table.read_efforts(str(tmp_path / name), chain).rows.tobytes() == rows.tobytes()
+    assert effort_table.read_efforts('1,0,-2,3e1,0.5', chain).tolist() == [1.0, 0.0, -2.0, 30.0, 0.5]
 
 
 @pytest.mark.parametrize('name, content, message', [
-    ('missing.npy', None, 'No such file or directory, must be 5 numbers joined by commas, or a .csv or .npy file'),
-    ('words.csv', lambda path: path.write_text('1,2,3,4,five\n'), "could not convert string 'five'"),
+    ('missing.npy', None, 'cannot be read (No such file or directory), must be an array of numbers with 5 columns'),
+    ('missing.csv', None, 'No such file or directory, must be 5 numbers joined by commas, joint=number, or a .csv'),
+    ('words.csv', lambda path: path.write_text('1,2,3,4,five\n'), "line 1 column 5 (side_arm_joint) is 'five'"),
     ('pickled.npy', lambda path: np.save(path, np.array([{}] * 5)), 'Object arrays cannot be loaded'),
     ('rows.npy', lambda path: np.save(path, np.zeros((3, 5))), 'has 3 rows, must have one for each of the 1000 ticks'),
     ('narrow.npy', lambda path: np.save(path, np.zeros((1000, 4))), 'has shape (1000, 4), must have (1000, 5)'),

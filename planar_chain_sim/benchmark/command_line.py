@@ -101,7 +101,7 @@ def _benchmark(arguments) -> int:
     suites = '\n'.join(f'  {name}: {suite.text}' for name, suite in SUITES.items())
     parser = Parser('benchmark', f'Measure and print:\n{suites}\n  all: all of these but {", ".join(NOT_OF_ALL)}',
                     'benchmark work-precision --csv work_precision.csv --picture work_precision.svg')
-    parser.add_argument('suite', choices=(*SUITES, 'all'))
+    parser.add_argument('suite', choices=(*SUITES, 'all'), metavar='SUITE', help='one of those above')
     parser.add_argument('--csv', metavar='FILE', type=Path, help='write the table to this file too')
     parser.add_argument('--picture', metavar='FILE', type=Path, help='draw it: PNG or SVG by the ending')
     parser.add_argument('--folder', metavar='FOLDER', type=Path, help='of `all`: for the CSVs and pictures')

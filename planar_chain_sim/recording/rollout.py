@@ -11,18 +11,21 @@ from typing import Optional
 import numpy as np
 
 from .cdr import encode_string, JointStateLayout
+from .effort_table import by_joint, Efforts, read_efforts
 from .log_writer import COMPRESSIONS, LogWriter
 from .rosbag2_profile import Channel
 from .run_settings import settings_of
-from ..chain import Chain
+from ..chain import ChainError
+from ..chain_section import clipped
 from ..chain_yaml import load_chain
 from ..command_line import Mistake, Parser, run_command
-from ..dynamics import Interrupted, joint_array, SimulationError
+from ..dynamics import Interrupted, SimulationError
 from ..integrators import METHODS
-from ..simulation import JointEvent, Simulation, whole_ticks
+from ..simulation import initial_state, JointEvent, Simulation, whole_ticks
 
 STATE_TOPIC, EVENTS_TOPIC = '/joint_states', '/simulator/events'   # what the node would publish them on
 CHUNK = 1000   # ticks between two looks at the progress bar, at most
+LONGEST = 2.0**31   # s
 LONG = 0.1     # s of wall time, beyond which fewer ticks are made between two looks
 
 
@@ -83,12 +86,13 @@ def roll_to_log(simulation: Simulation, ticks: int, effort: Optional[np.ndarray]
     SimulationError and Interrupted as Simulation.advance, after the ticks before it have been logged.
     """
     joints = simulation.chain.joint_count
-    efforts = np.broadcast_to(np.zeros(joints) if effort is None else effort, (ticks, joints))
+    held = np.zeros(joints) if effort is None else effort
     position, velocity, acted = (np.empty((CHUNK, joints)) for _ in range(3))
     start, chunk = 0, 1
     while start < ticks:
-        began, rows, failure, first = perf_counter(), efforts[start:start + chunk], None, simulation.tick
-        count = len(rows)
+        began, failure, first = perf_counter(), None, simulation.tick
+        count = min(chunk, ticks - start)
+        rows = held[start:start + count] if held.ndim == 2 else np.broadcast_to(held, (count, joints))
         try:
             simulation.advance(count, rows, record=(position[:count], velocity[:count], acted[:count]))
         except (SimulationError, Interrupted) as error:
@@ -108,28 +112,6 @@ def roll_to_log(simulation: Simulation, ticks: int, effort: Optional[np.ndarray]
         chunk = min(CHUNK, 2 * chunk) if quick else max(1, chunk // 2)
 
 
-def read_efforts(text: str, chain: Chain) -> np.ndarray:
-    """Efforts from '1,0,-2' (one held row) or a .npy or .csv file (a row per tick); Mistake says what is wrong."""
-    joints = chain.joint_count
-    path = Path(text)
-    try:
-        if path.suffix == '.npy':
-            values = np.load(path, allow_pickle=False)
-        elif path.suffix == '.csv':
-            values = np.loadtxt(path, delimiter=',', ndmin=2)
-        else:
-            values = np.array([float(value) for value in text.split(',')])
-    except (OSError, ValueError, EOFError) as error:
-        reason = getattr(error, 'strerror', None) or str(error).splitlines()[0]
-        raise Mistake(f'--effort {text!r}: {reason}, must be {joints} numbers joined by commas, or a .csv or .npy file '
-                      'with a row per tick') from None
-    shape = (joints,) if values.ndim == 1 else (len(values) if values.ndim else 1, joints)
-    try:
-        return joint_array(f'--effort {text!r}', values, shape)
-    except ValueError as error:
-        raise Mistake(str(error)) from None
-
-
 def main(arguments=None) -> int:
     """Exit 0: done; 2: a mistake, or a state that ran away (what came before it is in the log)."""
     return run_command('rollout', _rollout_to_file, arguments)
@@ -144,11 +126,18 @@ def _parser() -> Parser:
     parser.add_argument('--duration', type=float, metavar='S',
                         help='simulated time, s; default: 10, or what a file of efforts covers')
     parser.add_argument('--step', type=float, default=1e-3, metavar='S', help='tick, s; default 0.001')
-    parser.add_argument('--method', default='auto', choices=['auto', *METHODS], help='default auto')
+    parser.add_argument('--method', default='auto', choices=['auto', *METHODS], metavar='M',
+                        help=f'{", ".join(METHODS)}; default auto')
     parser.add_argument('--tolerance', type=float, metavar='T', help='bound of the local error of an adaptive method; '
                         'default 1e-9')
-    parser.add_argument('--effort', metavar='E', help='joint efforts, N m or N: numbers joined by commas, held; or a '
-                        '.csv or .npy file with a row per tick; default: none')
+    parser.add_argument('--position', metavar='P', help='initial positions, rad or m: numbers joined by commas in the '
+                        'order of the joints, or joint=number for some of them; an angle also as 90deg or pi/2; '
+                        "default: the chain file's")
+    parser.add_argument('--velocity', metavar='V', help='initial velocities, rad/s or m/s, in the same way')
+    parser.add_argument('--effort', metavar='E', help='joint efforts, N m or N: numbers joined by commas or '
+                        'joint=number, held; or a file, .npy or text, with a row per tick. A text file may have a '
+                        'header with the names of joints and a column time, s, from which its rows act; a joint that '
+                        'is not named has no effort. Default: none')
     parser.add_argument('--compression', default='none', choices=sorted(COMPRESSIONS), help='of the log; default none')
     return parser
 
@@ -156,13 +145,9 @@ def _parser() -> Parser:
 def _rollout_to_file(arguments) -> int:
     options = _parser().parse_args(arguments)
     chain = load_chain(options.chain)
-    simulation = Simulation(chain, options.method, options.step, options.tolerance)
+    simulation = _simulation(options, chain)
     effort = None if options.effort is None else read_efforts(options.effort, chain)
-    rows = len(effort) if effort is not None and effort.ndim == 2 else None
-    ticks = rows if rows is not None and options.duration is None else whole_ticks(
-        10.0 if options.duration is None else options.duration, simulation.step)
-    if rows not in (None, ticks):
-        raise Mistake(f'--effort {options.effort!r} has {rows} rows, must have one for each of the {ticks} ticks')
+    ticks, effort = _ticks(options, simulation.step, effort)
     path = options.output or f'{Path(options.chain).stem}.mcap'
     from tqdm import tqdm   # the progress bar; not needed where rollout is a function
     print(f'{chain.name}: {simulation.plan}')
@@ -177,6 +162,52 @@ def _rollout_to_file(arguments) -> int:
             raise KeyboardInterrupt from None
     print(f'{path}: {simulation.time:g} s simulated in {perf_counter() - began:.2f} s, {ticks + 1} states')
     return 0
+
+
+def _simulation(options, chain) -> Simulation:
+    """Return the simulation that the options ask for, at its initial state; Mistake."""
+    if options.tolerance is not None and options.method != 'auto' and not METHODS[options.method].adaptive:
+        raise Mistake(f'--tolerance is of adaptive methods, but method {options.method!r} has a fixed step')
+    try:
+        simulation = Simulation(chain, options.method, options.step, options.tolerance)
+    except ChainError:
+        raise
+    except ValueError as error:   # of step or tolerance
+        raise Mistake(f'--{error}') from None
+    state = list(initial_state(chain))
+    for k, (quantity, units) in enumerate({'position': ('m', 'rad'), 'velocity': ('m/s', 'rad/s')}.items()):
+        text = getattr(options, quantity)
+        if text is not None:
+            name = f'--{quantity} {clipped(text, 200)!r}'
+            values = by_joint(text, name, chain, state[k], units, angles=True)
+            if values is None:
+                raise Mistake(f'{name} is no list of numbers, must be {chain.joint_count} joined by commas, or '
+                              f'joint=number for some of {clipped(", ".join(chain.joint_names), 200)}')
+            state[k] = values
+    try:
+        simulation.set_state(*state)
+    except ValueError as error:   # a position beyond a stop
+        raise Mistake(f'--{error}') from None
+    return simulation
+
+
+def _ticks(options, step: float, effort) -> tuple:
+    """Return the number of ticks, and efforts as roll_to_log takes them; Mistake."""
+    table = effort if isinstance(effort, Efforts) else None
+    try:
+        ticks = table.ticks(step) if table and options.duration is None else whole_ticks(
+            10.0 if options.duration is None else options.duration, step)
+    except ValueError as error:
+        raise Mistake(f'--{error}') from None
+    if not ticks * step < LONGEST:
+        raise Mistake(f'--duration is {ticks * step:g} s, must be below {LONGEST:g} s, which a time stamp of ROS holds')
+    if table is None:
+        return ticks, effort
+    rows = table.by_tick(ticks, step, f'--effort {clipped(options.effort, 200)!r}')
+    spare = table.ticks(step) - ticks
+    if spare > 0:
+        print(f'--effort {clipped(options.effort, 200)!r} goes on for {spare} ticks after the end, which are left out')
+    return ticks, rows
 
 
 if __name__ == '__main__':

@@ -37,20 +37,23 @@ def run_until_stopped(program: str, body: Callable[[list, list, SimpleQueue], No
     `stop` gets a None for every stop signal: `body` has to return soon after the first.
     """
     stop = catch_stop_signals()
-    from ..command_line import Mistake
+    from ..command_line import exit_code
     try:
-        own, ros = split_arguments(sys.argv[1:] if arguments is None else arguments)
-        from .arguments import refuse_misplaced
-        refuse_misplaced(program, own, ros)
-        body(own, ros, stop)
-        return 0
-    except Mistake as mistake:
-        print(f'{program}: {mistake}', file=sys.stderr, flush=True)
-        return 2
+        given = sys.argv[1:] if arguments is None else arguments
+        return exit_code(program, lambda: run_body(program, body, given, stop))
     finally:
         # Python restores the deadly defaults before it is quite gone; a second Ctrl-C must not fall in between.
         for number in STOP_SIGNALS:
             signal.signal(number, signal.SIG_IGN)
+
+
+def run_body(program: str, body, arguments: Sequence[str], stop: SimpleQueue) -> int:
+    """Run `body` with its arguments, once none of them stands where it would not be heard; return 0."""
+    from .arguments import refuse_misplaced
+    own, ros = split_arguments(arguments)
+    refuse_misplaced(program, own, ros)
+    body(own, ros, stop)
+    return 0
 
 
 def wait_for(stop: SimpleQueue):

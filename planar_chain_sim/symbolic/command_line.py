@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-import re
 import sys
 from typing import Optional
 
@@ -17,12 +16,10 @@ from ..chain import Chain
 from ..chain_section import clipped
 from ..chain_yaml import load_chain
 from ..command_line import Mistake, Parser, run_command
-from ..dynamics import joint_array
 
 FORMATS = {'text': text_document, 'latex': latex_document, 'json': json_document}
 PICTURES = ('.png', '.svg')
 QUANTITIES = ('position', 'velocity', 'effort')
-NUMBERS = re.compile(r'-[\d.]')
 
 
 def main(arguments=None) -> int:
@@ -55,11 +52,6 @@ def _parser() -> Parser:
 
 
 def _equations(arguments) -> int:
-    arguments = list(sys.argv[1:] if arguments is None else arguments)
-    for k, argument in enumerate(arguments[:-1]):    # numbers with a minus in front are no options
-        if argument == '--state' and NUMBERS.match(arguments[k + 1]):
-            arguments[k:k + 2] = [f'--state={arguments[k + 1]}']
-            break
     options = _parser().parse_args(arguments)
     if options.picture is not None and Path(options.picture).suffix not in PICTURES:
         raise Mistake(f'--picture {options.picture!r}: must end in {" or ".join(map(repr, PICTURES))}')
@@ -132,7 +124,9 @@ def read_state(text: str, chain: Chain) -> tuple:
         if len(values) != chain.joint_count:
             raise Mistake(f'--state {clipped(text)!r}: {quantity} has {len(values)} numbers, must have '
                           f'{chain.joint_count}, for {clipped(", ".join(chain.joint_names), 200)}')
-        rows.append(joint_array(f'--state {clipped(text)!r}: {quantity}', values, (chain.joint_count,)))
+        if not np.isfinite(values).all():
+            raise Mistake(f'--state {clipped(text)!r}: {quantity} has a number that is not finite, must be finite')
+        rows.append(np.array(values))
     zero = np.zeros(chain.joint_count)
     return tuple(rows[k] if k < len(rows) else zero for k in range(len(QUANTITIES)))
 
