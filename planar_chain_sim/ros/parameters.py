@@ -85,7 +85,7 @@ PARAMETERS = (
     Row('record', '', 'MCAP log to write, a new file; empty: no log.'),
     Row('record_flush_period', 0.5, 'Time of log that a killed process can lose at most.', (0.01, 3600.0), unit='s'),
     Row('on_log_failure', 'go_on', 'When the log can be written no more, as on a full disk: tell it and go on, or stop '
-        'with exit code 2.', choices=('go_on', 'stop'), live=True),
+        'with exit code 2.', choices=('go_on', 'stop')),
     Row('record_compression', 'none', 'Compression of the log.', choices=('none', 'lz4', 'zstd')),
     Row('lockstep_joints', None, 'Joints whose commands lockstep waits for; default or empty: all.',
         of_chain=(TEXTS, lambda chain: list(chain.joint_names))),
