@@ -151,7 +151,7 @@ def test_parameters_that_live_act_at_a_tick(everything):
     assert not success and 'must be finite numbers >= 0' in reason
 
 
-def statuses(message, node='sim'):
+def statuses(message, node='left/sim'):
     return {status.name.removeprefix(f'{node}: '): status for status in message.status
             if status.name.startswith(f'{node}: ')}
 

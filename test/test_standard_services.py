@@ -54,7 +54,7 @@ def running():
     rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
     with ExitStack() as ending:
         ending.callback(context.try_shutdown)
-        node = Node('simulator', context=context, automatically_declare_parameters_from_overrides=True,
+        node = Node('simulator', context=context,
                     cli_args=['--ros-args', '-p', 'start_paused:=true', '-r', '__ns:=/inner'])
         ending.callback(node.destroy_node)
         started, *_ = start_simulator(node, ending, stop)

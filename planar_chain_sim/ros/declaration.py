@@ -82,8 +82,10 @@ def let_set(node, chain, apply: Callable[[dict[str, Value]], tuple[bool, str]]) 
 
 
 def declare(node, values: dict[str, Value], rows: dict[str, Row]) -> None:
-    """Declare parameters of these values as their rows (by name) describe them, whatever was given."""
+    """Declare parameters of these values as their rows (by name) describe them, in place of what was given."""
     for name, value in values.items():
+        if node.has_parameter(name):
+            node.undeclare_parameter(name)
         node.declare_parameter(name, value, _descriptor(rows[name]), ignore_override=True)
 
 

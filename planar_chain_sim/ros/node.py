@@ -67,7 +67,7 @@ def parse(arguments) -> dict:
     return {} if chain is None else {'chain_file': chain}
 
 
-def start_simulator(node, ending, stop, told):
+def start_simulator(node, ending, stop, told=None):
     """
     Return a running Simulator, its simulation, its URDF or None, parameters, log or None; None after a stop.
 
@@ -76,7 +76,7 @@ def start_simulator(node, ending, stop, told):
     from .messages import create_polled_subscription, create_publisher, INPUTS, OUTPUTS
     from .declaration import declare_chain_parameters, declare_parameters
 
-    values = declare_parameters(node, **told)
+    values = declare_parameters(node, **(told or {}))
     tell_of_clocks(node, values)
     # Topics first: while the chain is read, the others on the network find them.
     publishers = {key: create_publisher(node, topic) for key, topic in OUTPUTS.items()
