@@ -58,7 +58,6 @@ setup(
         'numpy>=1.22',  # states and efforts; the reference form of the equations
         'pyyaml',       # the chain file
         'tqdm',         # progress of rollout and resimulate
-        'urdfdom-py',   # a robot's URDF, by the parser that ROS itself ships and keeps (module urdf_parser_py)
     ],
     extras_require={
         # ROS 2 Jazzy as wheels, for a machine without ROS; one with ROS from apt must not pull them.
@@ -75,6 +74,7 @@ setup(
             'matplotlib',                # pictures: that they can be drawn
             'mujoco', 'pin',             # independent dynamics libraries as oracles
             'yourdfpy',                  # an independent reader of URDF
+            'xacro',                     # robot files are expanded with it where it is installed
             'cyclonedds',                # another vendor's DDS, a client of the node
             'rosbags', 'mcap-ros2-support',  # independent readers of the log
             'colcon-common-extensions',  # the ROS 2 build, both layouts

@@ -23,6 +23,10 @@ class ChainError(ValueError):
     """A chain that cannot be: one sentence that says what is wrong, where, what was got and what was wanted."""
 
 
+class RobotFileNote(UserWarning):
+    """What has become of a robot's file, one line: joints, plane, gravity, and what of it is not used."""
+
+
 @dataclass(frozen=True)
 class Joint:
     """One joint of a body and the laws that act on its relative coordinate (rad or m, N m or N)."""

@@ -11,8 +11,9 @@ from typing import Optional
 
 from .chain import BASE, Body, Chain, ChainError, inertia_about_center, Joint, POINT_MASS, steiner_term
 from .chain_section import clipped, MISSING, plain, Section, shown, suggestion
+from .hold import read_hold, weld
 
-CHAIN_KEYS = ('name', 'gravity', 'bodies')
+CHAIN_KEYS = ('name', 'gravity', 'bodies', 'hold')
 BODY_KEYS = ('name', 'carrier', 'origin', 'angle', 'mass', 'center_of_mass', 'inertia', 'inertia_com', 'slide',
              'rotation', 'visual')
 JOINT_NUMBERS = {  # key: (default, least value, unit of a slide, unit of a rotation)
@@ -61,6 +62,11 @@ def build_chain(data, file: str, source: Optional[str] = None) -> Chain:
         indices[bodies[-1].name] = index
     if not owners:
         top.fail('bodies', "has no joint, must have a body with 'slide' or 'rotation'")
+    if 'hold' in data:
+        try:
+            bodies = weld(bodies, read_hold(data['hold']))
+        except ChainError as error:
+            raise ChainError(f'{file}: {error}' if file else str(error)) from None
     chain = Chain(name, gravity, tuple(bodies))
     chain.__dict__.update({'_checked': True} if source is None else {'_checked': True, '_text': source})
     refuse_singular(chain, sections)

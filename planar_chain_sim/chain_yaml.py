@@ -20,6 +20,7 @@ from yaml import events
 from .chain import Chain, ChainError
 from .chain_checks import build_chain, data_of
 from .chain_section import clipped, LinedDict, MAX_DEPTH, MAX_ITEMS, MAX_KEYS, plain
+from .hold import Hold, read_hold
 
 LOADER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
 DUMPER = getattr(yaml, 'CSafeDumper', yaml.SafeDumper)
@@ -33,12 +34,13 @@ CONSTANTS = {'': None, '~': None, 'null': None, 'Null': None, 'NULL': None,
              **{word: float('nan') for word in ('.nan', '.NaN', '.NAN')}}
 
 
-def load_chain(path: Union[str, os.PathLike]) -> Chain:
+def load_chain(path: Union[str, os.PathLike], hold: Hold = None) -> Chain:
     """
-    Return the chain of a YAML file, or of a URDF of a planar robot.
+    Return the chain of a YAML file, or of a robot file (URDF) of a planar robot.
 
     A relative path is looked for in the working directory, then among the chains that come with the package (see
-    `find_chain_file`). ChainError, one sentence, for a file that cannot be read or a chain that cannot be.
+    `find_chain_file`). `hold`: joints that are welded, see hold.py. ChainError, one sentence, for a file that cannot be
+    read or a chain that cannot be.
     """
     path = find_chain_file(path)
     name = clipped(str(path), 400)
@@ -51,10 +53,13 @@ def load_chain(path: Union[str, os.PathLike]) -> Chain:
     except (OSError, ValueError) as error:   # ValueError: a NUL in the path, in words that change with Python's version
         reason = getattr(error, 'strerror', None) or 'its name holds a NUL'
         raise ChainError(f'{name}: cannot be read ({reason}), must be a chain file in YAML') from None
-    return chain_from_text(text, name)
+    if b'xacro' in text and text.lstrip().startswith(b'<'):
+        from .xacro_file import expanded
+        text = expanded(path, text, name)
+    return chain_from_text(text, name, hold)
 
 
-def chain_from_text(text: Union[str, bytes], name: str = '<text>') -> Chain:
+def chain_from_text(text: Union[str, bytes], name: str = '<text>', hold: Hold = None) -> Chain:
     """Return the chain of a text, YAML or URDF (bytes: UTF-8); `name` is the file's in ChainError sentences."""
     if len(text) > MAX_BYTES:
         raise ChainError(f'{name}: is longer than {MAX_BYTES // 2**20} MiB, must be a chain file in YAML')
@@ -70,8 +75,12 @@ def chain_from_text(text: Union[str, bytes], name: str = '<text>') -> Chain:
         raise ChainError(f'{name} line {line}: holds the character {strange.group()!r}, must be printable text')
     if text.lstrip().startswith('<'):   # no YAML mapping does
         from .urdf_reader import chain_from_urdf
-        return chain_from_urdf(text, name)
-    return build_chain(Composer(name).compose(text), name, text)
+        return chain_from_urdf(text, name, read_hold(hold))
+    data = Composer(name).compose(text)
+    if hold:
+        data['hold'] = {**read_hold(data.get('hold')), **read_hold(hold)}
+        text = text_of(plain(data))
+    return build_chain(data, name, text)
 
 
 def chain_from_dict(data: Mapping) -> Chain:

@@ -71,9 +71,11 @@ def run_command(program: str, body: Callable[[Optional[Sequence[str]]], int],
     SIGTERM is taken for Ctrl-C, so that files are closed as they should be. What is no mistake of the user shows its
     traceback, with exit code 2 too.
     """
+    from .chain import RobotFileNote
     for number in (signal.SIGINT, signal.SIGTERM):   # SIGINT too: a shell's background job is born deaf to it
         signal.signal(number, signal.default_int_handler)
-    warnings.showwarning = lambda message, *_: print(f'{program}: warning: {message}', file=sys.stderr)
+    warnings.showwarning = lambda message, category, *_: print(
+        f'{program}: {"note" if issubclass(category, RobotFileNote) else "warning"}: {message}', file=sys.stderr)
     try:
         return exit_code(program, lambda: body(arguments))
     except KeyboardInterrupt:

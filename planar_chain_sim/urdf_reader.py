@@ -1,225 +1,424 @@
 """
-URDF -> Chain: a robot whose joints all turn about one direction or slide across it is a planar chain, no other is.
+URDF -> Chain: links, inertials, joints, origins, axes, limits, dynamics and mimics; of all else only what would move.
 
-The root link is the base. The plane is normal to the turning axes; in it y points up as far as it can (the world's z),
-and gravity is what of 9.81 m/s^2 lies in it. A body's frame is its link's where that has an axis in the plane.
+What is dropped is told, in one line, with joints, plane and gravity: a Python warning of the class RobotFileNote.
 """
 from __future__ import annotations
 
-from contextlib import redirect_stderr
-import io
-from math import isfinite
+import heapq
+from math import inf, isfinite
+import re
+from typing import NoReturn
+import warnings
 
 import numpy as np
 
-from .chain import Chain, ChainError
-from .chain_section import clipped
+from .chain import Chain, ChainError, RobotFileNote
+from .chain_section import clipped, suggestion
+from .planar_robot import EXACT, Link, planar_data, quoted, SpatialJoint, SpatialRobot
 from .urdf_writer import UNLIMITED
+from .xml_elements import Element, read_xml
 
-PARALLEL = 1e-6     # rad; texts often have five or six digits
-TINY = 1e-12        # m, kg m^2: what is smaller is the rounding of a turned frame
-GRAVITY = 9.81      # m/s^2 along -z, as everywhere where URDF is used
-NOT_PLANAR = 'the robot is not planar, must be'
-KINDS = ('fixed', 'continuous', 'revolute', 'prismatic')
+KINDS = {'fixed': 'fixed', 'continuous': 'rotation', 'revolute': 'rotation', 'prismatic': 'slide'}
+FREE = ('floating', 'planar')
+NUMBER = re.compile(r'[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|[-+]?(inf|nan|infinity)', re.ASCII | re.IGNORECASE)
+PART_OF_ROBOT = ('link', 'joint', 'material', 'transmission', 'gazebo', 'ros2_control', 'sensor')
+PART_OF_JOINT = ('parent', 'child', 'origin', 'axis', 'limit', 'dynamics', 'mimic')
+TAKEN = {'limit': ('lower', 'upper', 'effort', 'velocity'), 'dynamics': ('damping', 'friction')}
+SPRINGS = ('springStiffness', 'springReference')   # of a joint, in <gazebo>; and others there that change a motion
+OF_GAZEBO = ('gravity', 'turnGravityOff', 'kinematic', 'dampingFactor', 'static')
+NOT_THERE = 'of which the robot has none'
 
 
-def chain_from_urdf(text: str, name: str = '<text>') -> Chain:
+def chain_from_urdf(text: str, name: str, hold: dict) -> Chain:
     """
     Return the chain of a URDF text; `name` stands for the file in ChainError sentences.
 
-    `Chain.source` is the YAML text of the same chain. ChainError, one sentence, for a text that is no URDF and for a
-    robot that is not planar, with the joint that makes it so.
+    `hold`: joint -> where it is welded, None for its initial position. `Chain.source` is the YAML text of the same
+    chain. ChainError, one sentence, for a text that is no URDF and for a robot that is not planar, with the joints that
+    make it so.
     """
     from .chain_yaml import chain_from_dict
-    robot = _parse(text, name)
-    joints = _in_order(robot, name)
-    with np.errstate(invalid='ignore'):   # what is not finite is refused where it lands
-        places = _place(robot, joints, name)
-        plane = _plane(joints, places, name)
-        bodies = [_body(robot, joint, places, plane, name) for joint in joints]
-    names = {'base'}   # a link may be called so, a body may not
-    labels = {robot.get_root(): 'base'}
-    for joint in joints:
-        labels[joint.child] = _new_name(joint.child, names)
-    for joint, body in zip(joints, bodies):
-        body.update(name=labels[joint.child], carrier=labels[joint.parent])
+    reader = Reader(read_xml(text, name), name)
+    robot = reader.robot(dict(hold))
+    data, plane = planar_data(robot, name)
     try:
-        return chain_from_dict({'name': robot.name or 'robot', 'gravity': _pair(plane[:2] @ [0.0, 0.0, -GRAVITY]),
-                                'bodies': bodies})
+        chain = chain_from_dict(data)
     except ChainError as error:
         raise ChainError(f'{name}: {error}') from None
+    warnings.warn(f'{name}: {reader.account(robot, chain, plane)}', RobotFileNote, stacklevel=4)
+    if reader.powerless:
+        warnings.warn(f'{name}: effort limit 0 at {quoted(reader.powerless)}, taken as no limit', stacklevel=4)
+    return chain
 
 
-def _new_name(name: str, names: set) -> str:
-    while name in names:
-        name += '_'
-    names.add(name)
-    return name
+class Reader:
+    """Takes the elements of one URDF; every refusal is a ChainError sentence."""
+
+    def __init__(self, root: Element, name: str):
+        """Refuse what is no URDF, or one that holds more than a tree of links."""
+        self.name, self.root = name, root
+        self.unused = {}      # what is dropped -> names of where it stands, in the order of the text
+        self.unstopped, self.moved, self.powerless = [], [], []
+        if root.tag != 'robot':
+            self.fail(f"is XML with the root element '{clipped(root.tag)}', must be the URDF of a robot (root 'robot')")
+        self._refuse_xacro()
+        self._refuse_loops()
+        self._look_over()
+
+    def fail(self, problem) -> NoReturn:
+        """Raise the ChainError sentence."""
+        raise ChainError(f'{self.name}: {problem}')
+
+    def drop(self, what: str, where: str = '') -> None:
+        """Note what is not used."""
+        self.unused.setdefault(what, {})[where] = None
+
+    # What must not be dropped in silence
+
+    def _refuse_xacro(self) -> None:
+        prefixes = {key.partition(':')[2] + ':' for key, value in self.root.attributes.items()
+                    if key.startswith('xmlns:') and 'xacro' in value} | {'xacro:'}
+        old = [child for child in self.root.children if child.tag in ('macro', 'include', 'property')]
+        for element in [*old, *self.root.walk()]:
+            texts = (element.text, *element.attributes.values())
+            if element in old or element.tag.partition(':')[0] + ':' in prefixes and ':' in element.tag:
+                what = f'the element {clipped(element.tag)}'
+            else:
+                what = next((clipped(text.strip()) for text in texts if '${' in text or '$(' in text), None)
+            if what:
+                self.fail(f'holds {what} of xacro on line {element.line}, must be expanded first: '
+                          'xacro FILE > robot.urdf')
+
+    def _refuse_loops(self) -> None:
+        for block in (*self.root.all('gazebo'), *self.root.all('mujoco')):
+            for element in block.walk():
+                where = f'in <{block.tag}>, line {element.line}'
+                if element.tag == 'joint' and element.find('parent') and element.find('child'):
+                    ends = [_text_or_link(element.find(end)) for end in ('parent', 'child')]
+                    if element.get('type') != 'fixed' or 'world' not in ends:   # welded to the world stands any root
+                        self._refuse_loop(f"joint '{clipped(element.get('name') or '')}'", *ends, where)
+                elif element.tag == 'plugin' and 'DetachableJoint' in str(element.attributes):
+                    ends = [_text_or_link(element.find(end)) for end in ('parent_link', 'child_link')]
+                    self._refuse_loop(f"DetachableJoint '{clipped(element.get('name') or '')}'", *ends, where)
+                elif element.tag in ('mimicJoint', 'mimic_joint', 'mimic'):
+                    leader = element.text.strip() or element.get('joint') or ''
+                    self.fail(f"couples a joint to '{clipped(leader)}' ({where}), must be a robot whose joints move on "
+                              'their own')
+                elif element.tag == 'equality' and element.children:
+                    first = element.children[0]
+                    self._refuse_loop(f"{clipped(first.tag)} '{clipped(first.get('name') or '')}'",
+                                      *(first.get(end) or '' for end in ('body1', 'body2')), where)
+        for element in self.root.all('loop_joint'):
+            self._refuse_loop(f"joint '{clipped(element.get('name') or '')}'", '', '', f'on line {element.line}')
+
+    def _refuse_loop(self, what: str, parent: str, child: str, where: str) -> NoReturn:
+        between = f" between '{clipped(parent)}' and '{clipped(child)}'" if parent and child else ''
+        self.fail(f'{what}{between} ({where}) closes a loop, must be a robot without loops')
+
+    def _look_over(self) -> None:
+        """Note the parts that are dropped."""
+        for child in self.root.children:
+            if child.tag not in PART_OF_ROBOT:
+                self.drop(f'element {clipped(child.tag)}')
+            for part in child.walk() if child.tag == 'gazebo' else ():
+                if part.tag in SPRINGS and part.text.strip() not in ('', '0', '0.0'):
+                    self.drop('springs', child.get('reference') or '')
+                elif part.tag in OF_GAZEBO and part.text.strip() not in ('', '0', '0.0', 'false'):
+                    self.drop(f'{part.tag} of gazebo', child.get('reference') or '')
+
+    # Numbers
+
+    def numbers(self, element, key: str, default: tuple, where: str) -> np.ndarray:
+        """Return the numbers of an attribute, as many as the default has, which stands for one that is missing."""
+        text = element.get(key) if element is not None else None
+        if text is None:
+            return np.array(default, dtype=float)
+        words = text.split(None, 32)
+        if len(words) != len(default) or not all(map(NUMBER.fullmatch, words)):
+            count = 'a number' if len(default) == 1 else f'{len(default)} numbers'
+            self.fail(f"{where} has {key} '{clipped(text)}', must be {count}")
+        return np.array([float(word) for word in words])
+
+    def number(self, element, key: str, where: str, least=-inf, default: float = 0.0) -> float:
+        """Return one finite number of an attribute."""
+        value = float(self.numbers(element, key, (default,), where)[0])
+        if not least <= value < inf:
+            self.fail(f"{where} has {key} '{clipped(element.get(key))}', must be a finite number"
+                      + (f' >= {least:g}' if least > -inf else ''))
+        return value
+
+    def frame(self, owner: Element, where: str) -> tuple[np.ndarray, np.ndarray]:
+        """Return rotation and translation of the origin of an element, which may be missing."""
+        origin = owner.find('origin')
+        rpy, xyz = (self.numbers(origin, key, (0.0, 0.0, 0.0), where) for key in ('rpy', 'xyz'))
+        return _rotation(rpy), xyz
+
+    def named(self, tag: str) -> dict:
+        """Return name -> element of the robot's links or joints."""
+        found = {}
+        for element in self.root.all(tag):
+            name = element.get('name')
+            if not name or not name.isprintable():
+                self.fail(f'{tag} on line {element.line} has no name, must have one')
+            if name in found:
+                self.fail(f"has two {tag}s '{clipped(name)}', on lines {found[name].line} and {element.line}, "
+                          'must have different names')
+            found[name] = element
+        return found
+
+    # The robot
+
+    def robot(self, hold: dict) -> SpatialRobot:
+        """Return the tree of links; joints that `hold` names are welded."""
+        links, joints = self.named('link'), self.named('joint')
+        for name in hold:
+            if name not in joints:
+                self.fail(f"hold names '{clipped(name)}', {NOT_THERE}{suggestion(name, list(joints))}, must name its "
+                          'joints')
+        ends = self._ends(joints, links)
+        order, root = self._in_order(joints, ends, links)
+        initial = self._initial_states()
+        self._hold_followers(joints, hold, initial)
+        made = {}
+        for name in order:
+            made[name] = self._joint(name, joints[name], ends[name], hold, initial.get(name, {}))
+        bodies = {name: self._link(name, element) for name, element in links.items()}
+        bodies.setdefault('world', Link('world'))
+        if bodies[root].mass:
+            self.drop(f"the mass of the root link '{clipped(root)}', which is the base")
+        reached = {root, *(joint.child for joint in made.values())}
+        title = self.root.get('name') or ''
+        return SpatialRobot(title if title and title.isprintable() else 'robot', root,
+                            {name: bodies[name] for name in bodies if name in reached}, list(made.values()))
+
+    def _ends(self, joints, links) -> dict:
+        """Return joint -> (parent, child)."""
+        ends, owner = {}, {}
+        for name, element in joints.items():
+            parent, child = (_text_or_link(element.find(end)) for end in ('parent', 'child'))
+            for end, link in (('parent', parent), ('child', child)):
+                if link not in links and not (end == 'parent' and link == 'world'):
+                    what = f"the {end} '{clipped(link)}', {NOT_THERE}{suggestion(link, list(links))}" if link else \
+                        f'no {end}'
+                    self.fail(f"joint '{clipped(name)}' has {what}, must join two links of the robot")
+            if child in owner or child == parent:
+                other = f", which '{clipped(owner[child])}' carries" if child in owner else ''
+                self.fail(f"joint '{clipped(name)}' closes a loop at link '{clipped(child)}'{other}, must be a robot "
+                          'without loops')
+            owner[child] = name
+            ends[name] = parent, child
+        return ends
+
+    def _in_order(self, joints, ends, links) -> tuple[list, str]:
+        """Return the joints' names, a carrier's first, else in the order of the text; and the root."""
+        children = {child for _, child in ends.values()}
+        roots = dict.fromkeys(parent for parent, _ in ends.values() if parent not in children)
+        if not ends:
+            self.fail('has no joint that moves, must have one')
+        if not roots:
+            self.fail(f'joints {quoted(ends)} close a loop, must be a robot without loops')
+        if len(roots) > 1:
+            self.fail(f'has {len(roots)} links that no joint carries, {quoted(roots)}, must be one tree')
+        root = next(iter(roots))
+        for link in links:
+            if link not in children and link != root:
+                self.drop(f"link '{clipped(link)}', which no joint joins to the others")
+        place = {name: index for index, name in enumerate(joints)}
+        carried = {}
+        for name, (parent, _) in ends.items():
+            carried.setdefault(parent, []).append(name)
+        order, ready = [], [(place[name], name) for name in carried[root]]
+        heapq.heapify(ready)
+        while ready:
+            _, name = heapq.heappop(ready)
+            order.append(name)
+            for other in carried.get(ends[name][1], ()):
+                heapq.heappush(ready, (place[other], other))
+        if len(order) < len(joints):
+            left = [name for name in joints if name not in set(order)]
+            self.fail(f'joints {quoted(left)} close a loop, must be a robot without loops')
+        return order, root
+
+    def _hold_followers(self, joints, hold, initial) -> None:
+        """Weld the followers of held joints where these put them; ChainError for one whose leader moves."""
+        leaders = {name: element.find('mimic') for name, element in joints.items() if element.find('mimic')}
+        for name in leaders:
+            way, at = [], name
+            while at in leaders and at not in hold and at not in way:
+                way.append(at)
+                at = leaders[at].get('joint')
+            if at not in hold:
+                leader = leaders[name].get('joint') or ''
+                self.fail(f"joint '{clipped(name)}' mimics '{clipped(leader)}', must move on its own or be held (hold "
+                          f"'{clipped(name)}', or '{clipped(leader)}' and with it all that mimic it)")
+            for follower in reversed(way):
+                where = f"mimic of joint '{clipped(follower)}'"
+                mimic = leaders[follower]
+                hold[follower] = (self.number(mimic, 'multiplier', where, default=1.0)
+                                  * self._held_at(at, joints[at], hold, initial)
+                                  + self.number(mimic, 'offset', where))
+                at = follower
+
+    def _held_at(self, name, element, hold, initial) -> float:
+        if hold[name] is None:
+            laws = self._laws(name, element, KINDS.get(element.get('type')), initial.get(name, {}), False)
+            hold[name] = laws.get('position', 0.0)
+        return hold[name]
+
+    def _joint(self, name: str, element: Element, ends, hold, initial) -> SpatialJoint:
+        where, kind = f"joint '{clipped(name)}'", element.get('type')
+        turn, shift = self.frame(element, where)
+        held = name in hold
+        if kind in FREE:
+            if not held:
+                self.fail(f"{where} is of type '{kind}', must be one of {', '.join(KINDS)}, or be held where it is "
+                          f"(hold '{clipped(name)}')")
+            if hold[name]:
+                self.fail(f"{where} is of type '{kind}', must be held without a value")
+            hold[name], kind = None, 'fixed'
+        if kind not in KINDS:
+            self.fail(f"{where} is of type '{clipped(kind or '')}', must be one of {', '.join(KINDS)}")
+        axis = np.array([1.0, 0.0, 0.0])
+        laws, kind = {}, KINDS[kind]
+        if kind != 'fixed':
+            axis = self.numbers(element.find('axis'), 'xyz', (1.0, 0.0, 0.0), where)
+            length = np.linalg.norm(axis)
+            if not isfinite(length) or length < 1e-9:
+                self.fail(f'{where} has the axis {axis.tolist()}, must be a direction')
+            axis = axis / length
+            laws = self._laws(name, element, kind, initial, not held)
+        if held:
+            value = hold[name]
+            if kind == 'fixed' and value:
+                self.fail(f"hold gives the value {value!r} to joint '{clipped(name)}', which is fixed, must be a joint "
+                          'that moves')
+            held = laws.get('position', 0.0) if value is None else value
+            if not laws.get('lower', -inf) <= held <= laws.get('upper', inf):
+                self.fail(f"hold gives {held!r} to joint '{clipped(name)}', must lie between its limits, "
+                          f"{laws['lower']!r} and {laws['upper']!r}")
+        return SpatialJoint(name, kind, *ends, turn, shift, axis, laws, held if name in hold else None)
+
+    def _laws(self, name: str, element: Element, kind, initial: dict, told: bool) -> dict:
+        """Return what a chain file says of the joint's limits, damping, friction and initial state."""
+        where, laws = f"joint '{clipped(name)}'", {}
+        limit, dynamics = element.find('limit'), element.find('dynamics')
+        if element.get('type') != 'continuous':
+            lower, upper = (float(self.numbers(limit, key, (0.0,), where)[0]) for key in ('lower', 'upper'))
+            if lower < upper:
+                laws.update(lower=lower, upper=upper)
+            elif told:
+                self.unstopped.append(f"'{clipped(name)}' ({lower:g} to {upper:g})" if limit is not None else
+                                      f"'{clipped(name)}' (no limits)")
+        if limit is not None and limit.get('effort') is not None:
+            effort = float(self.numbers(limit, 'effort', (0.0,), where)[0])
+            if effort > 0.0:
+                laws['effort_limit'] = effort
+            elif told:
+                self.powerless.append(name)
+        if dynamics is not None:
+            laws.update({key: self.number(dynamics, key, where, 0.0) for key in ('damping', 'friction')})
+        laws.update({key: value for key, value in initial.items() if value})
+        laws = {key: value for key, value in laws.items()
+                if abs(value) < UNLIMITED and (value or key in TAKEN['limit'])}
+        start = laws.get('position', 0.0)
+        start = min(max(start, laws.get('lower', -inf)), laws.get('upper', inf))   # 0 may lie beyond a stop
+        if start != laws.get('position', 0.0) and told:
+            self.moved.append(f"'{clipped(name)}' ({start:g})")
+        if start:
+            laws['position'] = start
+        if told:
+            self._look_over_joint(name, element)
+        return laws
+
+    def _look_over_joint(self, name: str, element: Element) -> None:
+        velocity = self.numbers(element.find('limit'), 'velocity', (0.0,), f"joint '{clipped(name)}'")[0]
+        if 0.0 < velocity < UNLIMITED:
+            self.drop('velocity limits', name)
+        for part in element.children:
+            if part.tag not in PART_OF_JOINT:
+                self.drop(clipped(part.tag), name)
+            for key in part.attributes if part.tag in TAKEN else ():
+                if key not in TAKEN[part.tag]:
+                    self.drop(f'{clipped(key)} of {part.tag}', name)
+
+    def _initial_states(self) -> dict:
+        """Return joint -> position and velocity by ros2_control's `initial_value` and `initial_position`."""
+        found = {}
+        for block in self.root.all('ros2_control'):
+            for joint in block.all('joint'):
+                values = found.setdefault(joint.get('name'), {})
+                where = f"joint '{clipped(joint.get('name') or '')}' of ros2_control"
+                for owner in (joint, *joint.all('command_interface'), *joint.all('state_interface')):
+                    for param in owner.all('param'):
+                        quantity = owner.get('name') if param.get('name') == 'initial_value' else \
+                            (param.get('name') or '').removeprefix('initial_')
+                        if quantity not in ('position', 'velocity') or owner is joint and (
+                                param.get('name') == quantity):
+                            continue
+                        word = param.text.strip()
+                        if not NUMBER.fullmatch(word) or not isfinite(float(word)):
+                            self.fail(f"{where} has {param.get('name')} '{clipped(word)}', must be a finite number")
+                        values[quantity] = float(word)
+        return found
+
+    def _link(self, name: str, element: Element) -> Link:
+        inertial, where = element.find('inertial'), f"link '{clipped(name)}'"
+        if inertial is None:
+            return Link(name)
+        turn, center = self.frame(inertial, where)
+        mass = self.number(inertial.find('mass'), 'value', where, 0.0)
+        part = inertial.find('inertia')
+        xx, yy, zz, xy, xz, yz = (self.number(part, f'i{axes}', where) for axes in ('xx', 'yy', 'zz', 'xy', 'xz', 'yz'))
+        if not np.isfinite(center).all() or not np.isfinite(turn).all():
+            self.fail(f'{where} has a mass centre that is not finite, must be')
+        if mass and part is None:
+            self.drop(f"inertia, none is given, of link '{clipped(name)}'")
+        matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        return Link(name, mass, center, turn @ matrix @ turn.T)
+
+    # The line that tells of it
+
+    def account(self, robot: SpatialRobot, chain: Chain, plane) -> str:
+        """Return one line: joints, plane, gravity, what was done to them, what is not used."""
+        x, y, normal = plane.basis
+        parts = [f'joints {quoted(chain.joint_names, 16)}',
+                 f'plane with x along {_direction(x)} and y along {_direction(y)} of link '
+                 f"'{clipped(robot.root)}'",
+                 f'gravity [{chain.gravity.real:.6g}, {chain.gravity.imag:.6g}] m/s^2']
+        if plane.largest_angle > EXACT:
+            parts.append(f'axes projected on the plane, from which they differ by up to {plane.largest_angle:.2g} rad')
+        if plane.across:
+            parts.append(f'along its normal, on their own, slide {quoted(plane.across)}')
+        held = [f"'{clipped(joint.name)}' at {joint.held:g}" for joint in robot.joints if joint.held is not None]
+        for what, which in (('held: ', held), ('no stops at ', self.unstopped),
+                            ('initial position moved to the stop at ', self.moved)):
+            if which:
+                parts.append(what + ', '.join(which[:6]) + (f' and {len(which) - 6} more' if len(which) > 6 else ''))
+        if self.unused:
+            parts.append('not used: ' + ', '.join(
+                what + (f' ({len(where)})' if len(where) > 1 else '') for what, where in
+                list(self.unused.items())[:12]))
+        return '; '.join(parts)
 
 
-def _parse(text: str, name: str):
-    """Return the robot that the parser library makes of the text; ChainError."""
-    try:
-        from urdf_parser_py.urdf import URDF
-    except ImportError as error:
-        raise ChainError(f'{name}: is a URDF, which is read with urdf_parser_py ({error}), must be a chain file in '
-                         'YAML where that is not installed') from None
-    if '<!' in text.replace('<!--', ''):
-        raise ChainError(f'{name}: has a DOCTYPE, ENTITY or CDATA, must be plain URDF')
-    try:
-        with redirect_stderr(io.StringIO()):   # it tells of every tag that it does not know
-            robot = URDF.from_xml_string(text.encode())
-            robot.get_root()
-    except Exception as error:  # of no common class
-        reason = clipped(' '.join(str(error).split()) or type(error).__name__, 160)
-        raise ChainError(f'{name}: is not valid URDF ({reason}), must be that of a robot') from None
-    return robot
+def _direction(vector: np.ndarray) -> str:
+    for sign in ('', '-'):
+        for axis, unit in zip('xyz', np.eye(3)):
+            if np.allclose(vector, unit if not sign else -unit, rtol=0.0, atol=5e-4):
+                return sign + axis
+    return '(' + ', '.join(f'{part + 0.0:.3g}' for part in vector) + ')'
 
 
-def _in_order(robot, name: str) -> list:
-    """Return the joints, a carrier's before those it carries, else in the order of the text; ChainError: no tree."""
-    placed, waiting, ordered = {robot.get_root()}, list(robot.joints), []
-    links = {link.name for link in robot.links}
-    if len(links) < len(robot.links) or len({joint.name for joint in waiting}) < len(waiting):
-        raise ChainError(f'{name}: has two links or two joints of the same name, must have different ones')
-    for joint in waiting:
-        where = f"{name}: joint '{clipped(joint.name)}'"
-        if joint.type not in KINDS:
-            raise ChainError(f'{where} is of type {joint.type!r}, must be one of {", ".join(KINDS)}: '
-                             f'{NOT_PLANAR}')
-        if joint.mimic is not None:
-            raise ChainError(f"{where} mimics '{clipped(joint.mimic.joint)}', must move on its own")
-        if not {joint.parent, joint.child} <= links:
-            raise ChainError(f'{where} names a link that is not there, must name two of the robot')
-    while waiting:
-        joint = next((joint for joint in waiting if joint.parent in placed and joint.child not in placed), None)
-        if joint is None:
-            raise ChainError(f"{name}: joint '{clipped(waiting[0].name)}' closes a loop or hangs in the air, "
-                             'must be one tree of links')
-        placed.add(joint.child)
-        waiting.remove(joint)
-        ordered.append(joint)
-    return ordered
+def _text_or_link(element) -> str:
+    """Return the link that a parent or child element names, by attribute or, as in SDF, by text."""
+    return '' if element is None else element.get('link') or element.text.strip()
 
 
 def _rotation(rpy) -> np.ndarray:
     """Return the rotation matrix of roll, pitch, yaw about fixed axes: Rz(yaw) Ry(pitch) Rx(roll)."""
-    (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
+    with np.errstate(invalid='ignore'):
+        (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
     return np.array([[cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
                      [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
                      [-sp, cp * sr, cp * cr]])
-
-
-def _frame(origin) -> tuple[np.ndarray, np.ndarray]:
-    """Return rotation and translation of an origin element, which may be missing."""
-    rpy = (origin.rpy if origin is not None else None) or (0.0, 0.0, 0.0)
-    xyz = (origin.xyz if origin is not None else None) or (0.0, 0.0, 0.0)
-    return _rotation(rpy), np.array(xyz, dtype=float)
-
-
-def _place(robot, joints, name: str) -> dict:
-    """Return link -> (rotation, position) against the root where all joints read 0."""
-    places = {robot.get_root(): (np.eye(3), np.zeros(3))}
-    for joint in joints:
-        turn, shift = places[joint.parent]
-        own_turn, own_shift = _frame(joint.origin)
-        places[joint.child] = turn @ own_turn, shift + turn @ own_shift
-        if not all(np.isfinite(part).all() for part in places[joint.child]):
-            raise ChainError(f"{name}: joint '{clipped(joint.name)}' has an origin that is not finite, must be")
-    return places
-
-
-def _axis(joint, places, name: str) -> np.ndarray:
-    """Return the joint's axis in the root's frame."""
-    axis = np.array(joint.axis if joint.axis is not None else (1.0, 0.0, 0.0), dtype=float)
-    length = np.linalg.norm(axis)
-    if not isfinite(length) or length < 1e-9:
-        raise ChainError(f"{name}: joint '{clipped(joint.name)}' has the axis {axis.tolist()}, must be a direction")
-    return places[joint.child][0] @ (axis / length)
-
-
-def _plane(joints, places, name: str) -> np.ndarray:
-    """Return x, y and normal of the plane, rows in the root's frame; ChainError names a joint that leaves it."""
-    turning = [joint for joint in joints if joint.type in ('continuous', 'revolute')]
-    sliding = [joint for joint in joints if joint.type == 'prismatic']
-    if not turning and not sliding:
-        raise ChainError(f'{name}: has no joint that moves, must have one')
-    up = np.array([0.0, 0.0, 1.0])
-    if turning:
-        normal = _axis(turning[0], places, name)
-    else:
-        first = _axis(sliding[0], places, name)
-        others = [np.cross(first, _axis(joint, places, name)) for joint in sliding[1:]]
-        others += [np.cross(first, up), np.cross(first, [1.0, 0.0, 0.0])]
-        normal = next(other for other in others if np.linalg.norm(other) > PARALLEL)
-        normal = normal / np.linalg.norm(normal)
-    normal = normal * np.sign(normal[np.argmax(abs(normal))]) * (-1.0 if np.argmax(abs(normal)) == 1 else 1.0)
-    for joint in turning:
-        if np.linalg.norm(np.cross(normal, _axis(joint, places, name))) > PARALLEL:
-            raise ChainError(f"{name}: joint '{clipped(joint.name)}' does not turn parallel to "
-                             f"'{clipped(turning[0].name)}': {NOT_PLANAR}")
-    for joint in sliding:
-        if abs(normal @ _axis(joint, places, name)) > PARALLEL:
-            raise ChainError(f"{name}: joint '{clipped(joint.name)}' slides out of the plane of the others: "
-                             f'{NOT_PLANAR}')
-    y = up - (up @ normal) * normal
-    if np.linalg.norm(y) < PARALLEL:
-        y = np.cross(normal, [1.0, 0.0, 0.0])
-    y /= np.linalg.norm(y)
-    return np.array([np.cross(y, normal), y, normal])
-
-
-def _heading(turn: np.ndarray, plane: np.ndarray) -> float:
-    """Return the angle in the plane of the first axis of a frame that lies in it, 0 where none does."""
-    for axis in turn.T:
-        if abs(plane[2] @ axis) < PARALLEL:
-            return float(np.arctan2(plane[1] @ axis, plane[0] @ axis))
-    return 0.0
-
-
-def _pair(vector) -> list:
-    return [float(value) if abs(value) > TINY else 0.0 for value in vector]
-
-
-def _body(robot, joint, places, plane, name: str) -> dict:
-    """Return what a chain file says of the joint's child: frame, inertia and laws, all but names."""
-    (_, carrier_shift), (turn, shift) = places[joint.parent], places[joint.child]
-    carrier_heading, heading = (_heading(places[link][0], plane) for link in (joint.parent, joint.child))
-    angle = heading - carrier_heading
-
-    def seen_from(vector, own):   # a vector of the root's frame, in the plane, from a body's frame
-        own = np.array([[np.cos(own), np.sin(own)], [-np.sin(own), np.cos(own)]])
-        return own @ (plane[:2] @ vector)
-
-    body = {'origin': _pair(seen_from(shift - carrier_shift, carrier_heading)),
-            'angle': float(angle) if abs(angle) > TINY else 0.0, 'mass': 0.0, 'inertia_com': 0.0}
-    inertial = robot.link_map[joint.child].inertial
-    if inertial is not None:
-        own_turn, center = _frame(inertial.origin)
-        normal = (turn @ own_turn).T @ plane[2]
-        matrix = np.array(inertial.inertia.to_matrix() if inertial.inertia else np.zeros((3, 3)), dtype=float)
-        moment = float(normal @ matrix @ normal)
-        body.update(mass=float(inertial.mass or 0.0), center_of_mass=_pair(seen_from(turn @ center, heading)),
-                    inertia_com=moment)
-    if joint.type != 'fixed':
-        axis = _axis(joint, places, name)
-        laws = {'joint': joint.name, **_laws(joint)}
-        if joint.type == 'prismatic':
-            along = _pair(seen_from(axis, carrier_heading))
-            body['slide'] = {**laws, 'axis': float(np.arctan2(along[1], along[0]))}
-        else:
-            body['rotation'] = {**laws, 'axis': float(np.sign(plane[2] @ axis))}
-    return body
-
-
-def _laws(joint) -> dict:
-    laws, limit, dynamics = {}, joint.limit, joint.dynamics
-    if limit is not None:
-        if joint.type != 'continuous':
-            laws.update(lower=limit.lower or 0.0, upper=limit.upper or 0.0)
-            laws['position'] = min(max(0.0, laws['lower']), laws['upper'])   # 0 may lie beyond a stop
-        laws['effort_limit'] = limit.effort
-    if dynamics is not None:
-        laws.update(damping=dynamics.damping or 0.0, friction=dynamics.friction or 0.0)
-    return {key: float(value) for key, value in laws.items() if value is not None and abs(value) < UNLIMITED
-            and (value or key in ('lower', 'upper', 'effort_limit'))}

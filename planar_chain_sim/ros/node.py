@@ -34,8 +34,7 @@ def simulate(own_arguments, ros_arguments, stop) -> None:
     gc.disable()  # until all is loaded: nothing of it is garbage
     with ExitStack() as ending:  # ends in reverse order, so that nobody is asked who has gone already
         node = start_node('simulator', ros_arguments, ending)
-        # Of a step that is too long, at the start or while it runs.
-        warnings.showwarning = lambda message, *_: node.get_logger().warning(str(message))
+        warnings.showwarning = lambda message, category, *_: tell(node, message, category)
         started = start_simulator(node, ending, stop, told)
         if not started:
             return
@@ -65,6 +64,15 @@ def parse(arguments) -> dict:
         raise SystemExit(0)
     chain = parser.parse_args(arguments).chain
     return {} if chain is None else {'chain_file': chain}
+
+
+def tell(node, message, category) -> None:
+    """Log a Python warning: of a step that is too long, at the start or while it runs; of a robot's file."""
+    from ..chain import RobotFileNote
+    if issubclass(category, RobotFileNote):
+        node.get_logger().info(str(message))
+    else:
+        node.get_logger().warning(str(message))
 
 
 def start_simulator(node, ending, stop, told=None):

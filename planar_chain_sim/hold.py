@@ -1,0 +1,77 @@
+"""
+hold: joints that are welded where they are, at a value (rad or m) or at their initial position.
+
+It is a mapping joint -> value or None, a list of joints, or a list of texts 'joint' and 'joint=value', as a command
+line and a parameter have it. In a chain file it stands as the key `hold`.
+"""
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from math import isfinite
+from typing import Optional, Union
+
+from .chain import Body, ChainError
+from .chain_section import as_number, clipped, plain, shown, suggestion
+
+WANTED = 'must be a joint, a list of joints or a mapping from joints to values (rad or m)'
+Hold = Union[None, str, Iterable[str], Mapping[str, Optional[float]]]
+
+
+def read_hold(hold: Hold) -> dict:
+    """Return joint -> value, None for the initial position; ChainError, one sentence."""
+    if hold is None:
+        return {}
+    if isinstance(hold, str):
+        hold = [hold]
+    hold = plain(hold, 'hold')
+    if isinstance(hold, list):
+        pairs = {}
+        for item in hold:
+            if not isinstance(item, str):
+                raise ChainError(f'hold has {shown(item)} in it, {WANTED}')
+            name, sign, value = item.rpartition('=')
+            try:
+                pairs[name if sign else item] = float(value) if sign else None
+            except ValueError:
+                raise ChainError(f"hold '{clipped(item)}' has no number after '=', must be JOINT=VALUE (rad or m)") \
+                    from None
+        hold = pairs
+    if not isinstance(hold, dict):
+        raise ChainError(f'hold is {shown(hold)}, {WANTED}')
+    for name, value in hold.items():
+        if value is not None:
+            number = as_number(value)
+            if number is None or not isfinite(number):
+                raise ChainError(f"hold has {shown(value)} for '{clipped(name)}', must be a finite number (rad or m)")
+            hold[name] = number
+    return hold
+
+
+def weld(bodies: list[Body], hold: dict) -> list[Body]:
+    """Return the bodies with the joints that `hold` names welded; ChainError for one that they do not have."""
+    from ._kernel import unit_vector   # load-time trigonometry through the kernel's own functions
+    joints = {joint.name: joint for body in bodies for joint in (body.slide, body.rotation) if joint}
+    for name, value in hold.items():
+        if name not in joints:
+            raise ChainError(f"hold names '{clipped(name)}', no joint of this chain{suggestion(name, list(joints))}, "
+                             'must name joints of the chain')
+        joint = joints[name]
+        if value is not None and not joint.lower <= value <= joint.upper:
+            raise ChainError(f"hold gives {value!r} to joint '{clipped(name)}', must lie between its stops, "
+                             f'{joint.lower!r} and {joint.upper!r}')
+    if len(hold) == len(joints):
+        raise ChainError('hold names all joints of the chain, must leave one that moves')
+    welded = []
+    for body in bodies:
+        for kind in ('slide', 'rotation'):
+            joint = getattr(body, kind)
+            if joint is None or joint.name not in hold:
+                continue
+            value = joint.position if hold[joint.name] is None else hold[joint.name]
+            if kind == 'slide':
+                body = replace(body, origin=body.origin + value * unit_vector(joint.axis), slide=None)
+            else:
+                body = replace(body, angle=body.angle + joint.axis * value, rotation=None)
+        welded.append(body)
+    return welded

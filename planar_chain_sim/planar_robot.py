@@ -1,0 +1,345 @@
+"""
+A tree of links in space -> the data of a planar chain, where all that moves keeps to one plane.
+
+Each joint that moves must turn about the plane's normal, slide across it, or slide along it. The root link is the base.
+In the plane y points up as far as it can (the world's z) and x is y x normal; where the plane lies flat, x is the
+world's x as far as it can. Gravity is what of 9.81 m/s^2 lies in the plane. A body's frame is its link's where that has
+an axis in the plane. Axes may be off by PARALLEL: then the robot is straightened and projected on the plane.
+
+A slide along the normal has no part in the motion in the plane, nor that in its. It gets a body of its own beside the
+arm, with the inertia of all it carries and the weight of that along the normal as `preload`.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple, Optional
+
+import numpy as np
+
+from .chain import ChainError
+from .chain_section import clipped
+
+PARALLEL = 5e-3     # rad; files have angles such as 1.57
+EXACT = 1e-6        # rad; above it the largest angle is told
+TINY = 1e-12        # m, kg m^2: what is smaller is the rounding of a turned frame
+GRAVITY = 9.81      # m/s^2 along -z, as everywhere where URDF is used
+DIRECTIONS = 64     # of axes that are tried as the plane's normal
+UP = np.array([0.0, 0.0, 1.0])
+
+
+@dataclass
+class Link:
+    """A rigid body: mass, kg; mass centre (3,), m; moments of inertia (3, 3) about it, kg m^2; in its own frame."""
+
+    name: str
+    mass: float = 0.0
+    center: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    inertia: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)))
+
+
+@dataclass
+class SpatialJoint:
+    """
+    A joint: the child's frame in the parent's where it reads 0, and the unit axis in the child's.
+
+    `kind`: 'rotation', 'slide' or 'fixed'. `held`: where it is welded, None where it moves.
+    """
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    turn: np.ndarray
+    shift: np.ndarray
+    axis: np.ndarray
+    laws: dict
+    held: Optional[float] = None
+
+    @property
+    def moves(self) -> bool:
+        """Whether it is neither fixed nor held."""
+        return self.kind != 'fixed' and self.held is None
+
+
+class SpatialRobot(NamedTuple):
+    """A tree: `links` by name, `joints` in an order in which a parent comes before its children."""
+
+    name: str
+    root: str
+    links: dict
+    joints: list
+
+
+class Plane(NamedTuple):
+    """`basis` (3, 3): rows x, y and normal in the root's frame; `across`: the slides along the normal, by name."""
+
+    basis: np.ndarray
+    across: frozenset
+    largest_angle: float
+
+    @property
+    def gravity(self) -> np.ndarray:
+        """Components of gravity along x, y and the normal, m/s^2."""
+        return self.basis @ [0.0, 0.0, -GRAVITY]
+
+
+def planar_data(robot: SpatialRobot, name: str) -> tuple[dict, Plane]:
+    """Return the chain as the data of a chain file, and its plane; ChainError for a robot that is not planar."""
+    with np.errstate(all='ignore'):   # what is not finite is refused where it lands
+        places = _place(robot, name)
+        plane = _plane(robot, places, name)
+        places = _straightened(robot, places, plane)
+        carried = _carried(robot)
+        _refuse_idle(robot, carried, name)
+        bodies = {joint.child: _body(robot, joint, places, plane, name) for joint in robot.joints}
+        lifts = _lifts(robot, places, plane, carried)
+    taken = {'base'}   # a link may be called so, a body may not
+    names = {robot.root: 'base'}
+    for link in bodies:
+        names[link] = _new_name(link, taken)
+    lift_names = {joint: _new_name(f'{joint}_load', taken) for joint in lifts}
+    listed = []
+    for joint in robot.joints:
+        listed.append({'name': names[joint.child], 'carrier': names[joint.parent], **bodies[joint.child]})
+        if joint.name in lifts:
+            carrier, body = lifts[joint.name]
+            listed.append({'name': lift_names[joint.name], 'carrier': lift_names.get(carrier, 'base'), **body})
+    return {'name': robot.name, 'gravity': _pair(plane.gravity[:2]), 'bodies': listed}, plane
+
+
+def _new_name(name: str, taken: set) -> str:
+    while name in taken:
+        name += '_'
+    taken.add(name)
+    return name
+
+
+def quoted(names, most: int = 6) -> str:
+    """Return names in quotes, joined by commas, the first `most` of them."""
+    names = list(names)
+    rest = f' and {len(names) - most} more' if len(names) > most else ''
+    return ', '.join(f"'{clipped(name)}'" for name in names[:most]) + rest
+
+
+def turn_about(axis: np.ndarray, angle: float) -> np.ndarray:
+    """Return the rotation matrix by an angle about a unit axis."""
+    x, y, z = axis
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
+
+
+def _child_place(joint, turn: np.ndarray, shift: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return rotation and position of a joint's child from those of its parent."""
+    turn, shift = turn @ joint.turn, shift + turn @ joint.shift
+    if joint.held is not None and joint.kind == 'rotation':
+        turn = turn @ turn_about(joint.axis, joint.held)
+    elif joint.held is not None:
+        shift = shift + turn @ (joint.axis * joint.held)
+    return turn, shift
+
+
+def _place(robot, name: str) -> dict:
+    """Return link -> (rotation, position) against the root where all joints that move read 0."""
+    places = {robot.root: (np.eye(3), np.zeros(3))}
+    for joint in robot.joints:
+        turn, shift = _child_place(joint, *places[joint.parent])
+        if not (np.isfinite(turn).all() and np.isfinite(shift).all()):
+            raise ChainError(f"{name}: joint '{clipped(joint.name)}' has a place that is not finite, must be one")
+        places[joint.child] = turn, shift
+    return places
+
+
+def _straightened(robot, places, plane: Plane) -> dict:
+    """
+    Return the places with the axes of all rotations along the normal.
+
+    What a joint carries is turned by the angle between, about the point of its axis that is level with the mass centre
+    of what it carries: so neither that mass centre, for those that carry the joint, nor its distance from the axis
+    changes but for a part of the square of the angle.
+    """
+    normal = plane.basis[2]
+    if plane.largest_angle < TINY:
+        return places
+    sums = {}
+    for link, (turn, shift) in places.items():
+        body = robot.links[link]
+        sums[link] = np.append(body.mass * (shift + turn @ body.center), body.mass)
+    for joint in reversed(robot.joints):
+        sums[joint.parent] = sums[joint.parent] + sums[joint.child]
+    straight = {robot.root: places[robot.root]}
+    for joint in robot.joints:
+        (turn, shift), (whole, place) = (_child_place(joint, *where[joint.parent]) for where in (straight, places))
+        if joint.moves and joint.kind == 'rotation':
+            axis, wanted = turn @ joint.axis, np.sign(normal @ turn @ joint.axis) * normal
+            total = sums[joint.child]
+            level = normal @ (total[:3] / total[3] - place) / (normal @ whole @ joint.axis) if total[3] else 0.0
+            across = np.cross(axis, wanted)
+            sine = np.linalg.norm(across)
+            if sine > TINY:
+                turn = turn_about(across / sine, np.arctan2(sine, axis @ wanted)) @ turn
+                shift = shift + level * (axis - wanted)
+        straight[joint.child] = turn, shift
+    return straight
+
+
+def _plane(robot, places, name: str) -> Plane:
+    """Return the plane to which most joints keep; ChainError names those that do not."""
+    moving = [joint for joint in robot.joints if joint.moves]
+    if not moving:
+        raise ChainError(f'{name}: has no joint that moves, must have one')
+    axes = np.array([places[joint.child][0] @ joint.axis for joint in moving])
+    turns = np.array([joint.kind == 'rotation' for joint in moving])
+    best = None
+    for normal in _candidates(axes, turns):
+        along = np.linalg.norm(np.cross(normal, axes), axis=1)   # sine of the angle to the normal
+        across = abs(axes @ normal)                              # and to the plane
+        off = np.where(turns, along, np.minimum(along, across))
+        fits = int((off <= PARALLEL).sum())
+        if best is None or fits > best[0]:
+            best = fits, normal, off, along
+    fits, normal, off, along = best
+    if fits < len(moving):
+        _refuse_odd([joint for joint, angle in zip(moving, off) if angle > PARALLEL],
+                    [joint for joint, angle in zip(moving, off) if angle <= PARALLEL], name)
+    lengthwise = frozenset(joint.name for joint, angle in zip(moving, along)
+                           if joint.kind == 'slide' and angle <= PARALLEL)
+    largest = np.argmax(abs(normal))
+    normal = normal * np.sign(normal[largest]) * (-1.0 if largest == 1 else 1.0)
+    y = UP - (UP @ normal) * normal
+    if np.linalg.norm(y) > PARALLEL:
+        y /= np.linalg.norm(y)
+        x = np.cross(y, normal)
+    else:   # flat: a slight tilt must not turn x and y about
+        x = np.array([1.0, 0.0, 0.0]) - normal[0] * normal
+        x /= np.linalg.norm(x)
+        y = np.cross(normal, x)
+    return Plane(np.array([x, y, normal]), lengthwise, float(off.max()))
+
+
+def _candidates(axes: np.ndarray, turns: np.ndarray) -> list:
+    """Return directions that the plane's normal can have, the later joints' first: the odd one is often the root's."""
+    if turns.any():
+        directions = axes[turns][::-1]
+    else:
+        crossed = [np.cross(axes[0], other) for other in axes[1:]]
+        crossed += [np.cross(axes[0], UP), np.cross(axes[0], [1.0, 0.0, 0.0])]
+        directions = np.array([other / np.linalg.norm(other) for other in crossed if np.linalg.norm(other) > PARALLEL])
+    found = []
+    while len(directions) and len(found) < DIRECTIONS:
+        same = np.linalg.norm(np.cross(directions[0], directions), axis=1) <= PARALLEL
+        found.append(directions[same][-1] if turns.any() else directions[0])
+        directions = directions[~same]
+    return found
+
+
+def _refuse_odd(odd, others, name: str):
+    """Raise for the joints that do not keep to the plane of the others."""
+    slide = all(joint.kind == 'slide' for joint in odd)
+    turns = [joint.name for joint in others if joint.kind == 'rotation']
+    if len(odd) == 1:
+        what = f"joint '{clipped(odd[0].name)}' " + ('slides' if slide else 'turns')
+    else:
+        what = f'{len(odd)} joints, {quoted(joint.name for joint in odd)}, ' + ('slide' if slide else 'turn or slide')
+    way = 'askew to the plane' if slide else 'about another direction than'
+    others = quoted(turns or [joint.name for joint in others])
+    raise ChainError(f'{name}: {what} {way}{" of" if slide else ""} {others}: the robot is not planar, must be held '
+                     f'there to make it so (hold {quoted(joint.name for joint in odd)})')
+
+
+def _carried(robot) -> dict:
+    """Return joint -> (mass, largest moment of inertia) of all that it carries."""
+    sums = {link.name: [link.mass, float(abs(link.inertia).max())] for link in robot.links.values()}
+    for joint in reversed(robot.joints):
+        for k in range(2):
+            sums[joint.parent][k] += sums[joint.child][k]
+    return {joint.name: sums[joint.child] for joint in robot.joints}
+
+
+def _refuse_idle(robot, carried, name: str):
+    """Raise for a joint that moves nothing."""
+    for joint in robot.joints:
+        mass, inertia = carried[joint.name]
+        if joint.moves and not mass and (joint.kind == 'slide' or not inertia):
+            raise ChainError(f"{name}: joint '{clipped(joint.name)}' moves no mass, as link '{clipped(joint.child)}' "
+                             'and what it carries have none, must move some or be held '
+                             f"(hold '{clipped(joint.name)}')")
+
+
+def _heading(turn: np.ndarray, basis: np.ndarray) -> float:
+    """Return the angle in the plane of the first axis of a frame that lies in it, 0 where none does."""
+    for axis in turn.T:
+        if abs(basis[2] @ axis) < PARALLEL:
+            return float(np.arctan2(basis[1] @ axis, basis[0] @ axis))
+    return 0.0
+
+
+def _pair(vector) -> list:
+    return [float(value) if abs(value) > TINY else 0.0 for value in vector]
+
+
+def _body(robot, joint, places, plane: Plane, name: str) -> dict:
+    """Return what a chain file says of the joint's child: frame, inertia and laws, all but names."""
+    basis = plane.basis
+    (_, carrier_shift), (turn, shift) = places[joint.parent], places[joint.child]
+    heading = _heading(turn, basis)
+    carrier_heading = 0.0 if joint.parent == robot.root else _heading(places[joint.parent][0], basis)
+    angle = float(np.remainder(heading - carrier_heading + np.pi, 2.0 * np.pi) - np.pi)
+
+    def seen_from(vector, own):   # a vector of the root's frame, in the plane, from a body's frame
+        own = np.array([[np.cos(own), np.sin(own)], [-np.sin(own), np.cos(own)]])
+        return _pair(own @ (basis[:2] @ vector))
+
+    link = robot.links[joint.child]
+    normal = turn.T @ basis[2]
+    moment = float(normal @ link.inertia @ normal)
+    if not 0.0 <= moment < np.inf:
+        if not -TINY * abs(link.inertia).max() <= moment < np.inf:
+            raise ChainError(f"{name}: link '{clipped(link.name)}' has the moment of inertia {moment:.6g} kg m^2 about "
+                             "the plane's normal, must have a finite one >= 0")
+        moment = 0.0
+    body = {'origin': seen_from(shift - carrier_shift, carrier_heading), 'angle': angle if abs(angle) > TINY else 0.0,
+            'mass': link.mass, 'center_of_mass': seen_from(turn @ link.center, heading), 'inertia_com': moment}
+    if not joint.moves or joint.name in plane.across:
+        return body
+    axis = turn @ joint.axis
+    laws = {'joint': joint.name, **joint.laws}
+    if joint.kind == 'slide':
+        along = seen_from(axis, carrier_heading)
+        body['slide'] = {**laws, 'axis': float(np.arctan2(along[1], along[0]))}
+    else:
+        body['rotation'] = {**laws, 'axis': float(np.sign(basis[2] @ axis))}
+    return body
+
+
+def _lifts(robot, places, plane: Plane, carried) -> dict:
+    """
+    Return slide along the normal -> (the one that carries it or None, its body beside the arm).
+
+    One alone is a body without mass whose joint has the armature of what it carries. Several on one another are bodies
+    with their own parts of the mass, which slide across gravity.
+    """
+    above, parts, joints = {robot.root: None}, {}, {}
+    for joint in robot.joints:
+        above[joint.child] = above[joint.parent]
+        if joint.name in plane.across:
+            joints[joint.name] = joint, above[joint.parent]
+            above[joint.child] = joint.name
+        if above[joint.child]:
+            parts[above[joint.child]] = parts.get(above[joint.child], 0.0) + robot.links[joint.child].mass
+    stacked = {carrier for _, carrier in joints.values() if carrier} | {
+        name for name, (_, carrier) in joints.items() if carrier}
+    gravity = plane.gravity
+    across = float(np.arctan2(gravity[1], gravity[0]) + 0.5 * np.pi) if np.hypot(*gravity[:2]) > TINY else 0.0
+    lifts = {}
+    for name, (joint, carrier) in joints.items():
+        mass = carried[name][0]
+        sense = float(np.sign(plane.basis[2] @ places[joint.child][0] @ joint.axis))
+        slide = {'joint': name, **joint.laws, 'axis': 0.0}
+        if abs(gravity[2]) > TINY:
+            slide['preload'] = sense * mass * float(gravity[2])
+        if name in stacked:
+            slide['axis'] = across if sense > 0.0 else across + np.pi
+        else:
+            slide['armature'] = slide.get('armature', 0.0) + mass
+        lifts[name] = carrier, {'mass': parts[name] if name in stacked else 0.0, 'inertia_com': 0.0, 'slide': slide}
+    return lifts

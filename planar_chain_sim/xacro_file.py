@@ -1,0 +1,46 @@
+"""
+A file with xacro in it -> the URDF that the `xacro` package makes of it, where that is installed.
+
+xacro evaluates expressions and reads other files. So it works on files alone that the user names, never on a text that
+came from a topic or a log, in a process of its own with bounded time, memory and output, and no arguments.
+"""
+from __future__ import annotations
+
+from importlib.util import find_spec
+import re
+import subprocess
+import sys
+
+from .chain import ChainError
+from .chain_section import clipped
+
+SECONDS = 20
+MAX_BYTES = 16 * 2**20
+MAX_MEMORY = 2**30
+USED = re.compile(rb'<xacro:|\$[{(]')   # of xacro; a namespace alone is what expanded files keep
+PROGRAM = """
+import resource, sys
+resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[2]),) * 2)
+resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
+import xacro
+sys.stdout.write(xacro.process_file(sys.argv[1]).toprettyxml(indent='  '))
+"""
+
+
+def expanded(path, text: bytes, name: str) -> bytes:
+    """Return the text of the file at `path` expanded, or as it is where nothing is to do or `xacro` is not there."""
+    if not USED.search(text) or find_spec('xacro') is None:
+        return text
+    wanted = 'must be one that `xacro FILE` expands'
+    try:
+        done = subprocess.run([sys.executable, '-c', PROGRAM, str(path), str(MAX_MEMORY)], capture_output=True,
+                              stdin=subprocess.DEVNULL, timeout=SECONDS)
+    except subprocess.TimeoutExpired:
+        raise ChainError(f'{name}: is not expanded by xacro within {SECONDS} s, {wanted}') from None
+    if done.returncode:
+        lines = done.stderr.decode('utf-8', 'replace').split('\n')
+        reason = next((line for line in reversed(lines) if line.strip()), 'no reason given')
+        raise ChainError(f'{name}: is not expanded by xacro ({clipped(reason.strip(), 160)}), {wanted}')
+    if len(done.stdout) > MAX_BYTES:
+        raise ChainError(f'{name}: makes more than {MAX_BYTES // 2**20} MiB when expanded by xacro, {wanted}')
+    return done.stdout

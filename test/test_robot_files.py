@@ -1,0 +1,227 @@
+"""What people's URDF files hold: mountings, dialects, limits, loops, macros; checked by two oracles."""
+from math import cos, pi, sin
+import warnings
+
+import numpy as np
+import pytest
+from random_robots import by_mujoco, by_pinocchio, random_robot
+
+import planar_chain_sim as pcs
+from planar_chain_sim.chain import RobotFileNote
+from planar_chain_sim.chain_yaml import chain_from_text
+
+POINT = '<inertia ixx="{0}" iyy="{0}" izz="{0}" ixy="0" ixz="0" iyz="0"/></inertial>'
+ARM = """<robot name="r"><link name="stand"/>
+<link name="a">{in_a}<inertial><origin xyz="0 0 -0.5"/><mass value="2"/>""" + POINT.format(0.1) + """</link>
+<link name="b"><inertial><origin xyz="0 0 -0.3"/><mass value="1"/>""" + POINT.format(0.02) + """</link>
+<joint name="s" type="continuous"><parent link="stand"/><child link="a"/><origin {mount}/><axis xyz="{axis}"/>
+{in_s}</joint>
+<joint name="e" type="{kind}"><parent link="a"/><child link="b"/><origin xyz="0 0 -1" rpy="{rpy}"/>
+<axis xyz="{second}"/>{in_e}</joint>{more}</robot>"""
+USUAL = {'in_a': '', 'mount': '', 'axis': '0 1 0', 'in_s': '', 'kind': 'continuous', 'rpy': '0 0 0', 'second': '0 1 0',
+         'in_e': '', 'more': ''}
+STATE = [0.3, -0.4], [0.5, 0.2], [0.0, 0.0]
+ACCELERATION = [-7.35932895481, 28.7823596235]   # of ARM as it is, by Pinocchio and MuJoCo
+
+
+def arm(**changes) -> str:
+    return ARM.format(**{**USUAL, **changes})
+
+
+def load(text: str, hold=None):
+    """Return the chain of a text, the note and the warnings that came with it."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter('always')
+        chain = chain_from_text(text, 'r.urdf', hold)
+    notes = [str(each.message) for each in caught if each.category is RobotFileNote]
+    assert len(notes) == 1 and notes[0].startswith('r.urdf: joints ') and notes[0].isprintable()
+    return chain, notes[0], [str(each.message) for each in caught if each.category is not RobotFileNote]
+
+
+def refusal(text: str, hold=None) -> str:
+    with pytest.raises(pcs.ChainError) as caught:
+        chain_from_text(text, 'r.urdf', hold)
+    sentence = str(caught.value)
+    assert sentence.isprintable() and ', must' in sentence and len(sentence) < 600
+    return sentence
+
+
+def agrees(text: str, chain, seed: int, tolerance: float = 1e-11, held: str = '') -> None:
+    """Compare accelerations at a random state with those of both oracles; `held`: the text that they get instead."""
+    position, velocity, effort = np.random.default_rng(seed).normal(size=(3, chain.joint_count))
+    got = pcs.forward_dynamics(chain, position, velocity, effort)
+    for oracle in (by_pinocchio, by_mujoco):
+        wanted = oracle(held or text, chain.joint_names, position, velocity, effort)
+        np.testing.assert_allclose(got, wanted, rtol=0, atol=tolerance * (1.0 + abs(wanted).max()))
+
+
+NORMALS = {'anyhow': lambda seed: None, 'yawed': lambda seed: (cos(seed), sin(seed), 0.0),
+           'flat': lambda seed: (0, 0, 1), 'tilted': lambda seed: (0.0, cos(seed), sin(seed)),
+           'axis 1 1 0': lambda seed: (1, 1, 0)}
+
+
+@pytest.mark.parametrize('mounting', NORMALS)
+def test_mountings(mounting):
+    """100 robots of each kind: trees, products of inertia, mass off the plane; 1e-11: 200 times what was seen."""
+    for seed in range(100):
+        text = random_robot(seed, NORMALS[mounting](seed))
+        agrees(text, chain_from_text(text), seed)
+
+
+def test_slides_along_the_normal_have_no_part_in_the_plane():
+    """Upright: nothing pulls them; theirs is their own inertia, on one another the sums of what they carry."""
+    for seed in range(100):
+        text = random_robot(seed, (sin(seed), cos(seed), 0.0), lengthwise=0.7)
+        agrees(text, chain_from_text(text), seed)
+
+
+@pytest.mark.parametrize('angle', ['1.5708', '1.57', '1.567'])
+def test_angles_of_few_digits_are_taken_as_meant_and_told(angle):
+    """The motion is off by no more than the angle to the plane, here by its square: what moves is level."""
+    text, off = arm(rpy=f'{angle} 0 0', second='0 0 -1'), pi / 2 - float(angle)
+    chain, note, _ = load(text)
+    assert f'axes projected on the plane, from which they differ by up to {abs(off):.2g} rad' in note
+    agrees(text, chain, 3, 30.0 * off**2)
+
+
+def test_the_error_of_a_projection_is_of_the_order_of_the_angle():
+    for askew in (1e-5, 1e-3):
+        for seed in range(40):
+            text = random_robot(seed, askew=askew / 2)
+            agrees(text, chain_from_text(text), seed, 10.0 * askew)
+    assert 'the robot is not planar' in refusal(arm(second='0 1 0.0051')) and load(arm(second='0 1 0.0049'))
+
+
+DIALECTS = {
+    'default namespace': lambda: arm().replace('<robot', '<robot xmlns="http://example.org/robot"', 1),
+    'material without a name': lambda: arm(in_a='<visual><geometry><box size="1 1 1"/></geometry><material><color '
+                                                'rgba="1 0 0 1"/></material></visual>'),
+    'capsule': lambda: arm(in_a='<collision><geometry><capsule radius="0.1" length="1"/></geometry></collision>'),
+    'partial transmission': lambda: arm(more='<transmission name="t"><joint name="s"/><actuator name="m">'
+                                             '<hardwareInterface>E</hardwareInterface></actuator></transmission>'),
+    'version 0.0': lambda: '<?xml version="0.0" ?>\n' + arm(),
+    'another encoding': lambda: '<?xml version="1.0" encoding="latin-1"?>' + arm(),
+    'blank line first': lambda: '\n\n  <?xml version="1.0"?>\n' + arm(),
+    'prefix that nobody declared': lambda: arm(in_a='<drake:acceleration/>', more='<foo:bar baz:x="1"/>'),
+    'CDATA': lambda: arm(more='<gazebo><![CDATA[ <joint> -- & ${x} <!-- ]]></gazebo>'.replace('${x}', '')),
+    '-- in a comment': lambda: arm(more='<!-- ---- <joint/> -- ${x} -->'),
+    'processing instruction': lambda: arm(more='<?foo bar?>'),
+    'world that is no link': lambda: arm(more='<joint name="w" type="fixed"><parent link="world"/><child link="stand"/>'
+                                              '</joint>'),
+    'links named by text': lambda: arm().replace('<parent link="a"/>', '<parent>a</parent>'),
+    'a stray link': lambda: arm(more='<link name="lost"/>'),
+    'numbers with blanks': lambda: arm(axis=' 0  1.\t+.0e0 '),
+    'no gravity axis': lambda: arm(axis='0 3 0', second='0 1e-3 0'),
+    'welded to the world in gazebo': lambda: arm(more='<gazebo><joint name="w" type="fixed"><parent>world</parent>'
+                                                      '<child>stand</child></joint></gazebo>'),
+    'a joint named in a plugin': lambda: arm(more='<gazebo><plugin name="p"><joint>s</joint></plugin></gazebo>'),
+    'xacro declared': lambda: arm().replace('<robot', '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"'),
+}
+
+
+@pytest.mark.parametrize('dialect', DIALECTS)
+def test_dialects_make_no_difference(dialect):
+    chain, _, told = load(DIALECTS[dialect]())
+    assert chain.joint_names == ('s', 'e') and not told
+    np.testing.assert_allclose(pcs.forward_dynamics(chain, *STATE), ACCELERATION, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize('limit, stops, effort, said, warned', [
+    ('lower="0" upper="0" effort="0" velocity="0"', (-np.inf, np.inf), np.inf, "no stops at 'e' (0 to 0)", True),
+    ('lower="1" upper="-1" effort="10"', (-np.inf, np.inf), 10.0, "no stops at 'e' (1 to -1)", False),
+    ('effort="10"', (-np.inf, np.inf), 10.0, "no stops at 'e' (0 to 0)", False),
+    ('lower="-1" upper="1" effort="0" velocity="2"', (-1.0, 1.0), np.inf, 'not used: velocity limits', True),
+    ('lower="-1" upper="1e9" effort="1e9" velocity="1e9"', (-1.0, np.inf), np.inf, '', False),
+    ('upper="1" acceleration="3"', (0.0, 1.0), np.inf, 'not used: acceleration of limit', False),
+])
+def test_limits(limit, stops, effort, said, warned):
+    chain, note, told = load(arm(kind='revolute', in_e=f'<limit {limit}/>'))
+    joint = chain.joints[1]
+    assert (joint.lower, joint.upper, joint.effort_limit) == (*stops, effort)
+    assert said in note and told == warned * ["r.urdf: effort limit 0 at 'e', taken as no limit"]
+    assert ('no stops' in note) == ('no stops' in said) and ('not used' in note) == ('not used' in said)
+
+
+def test_a_joint_that_has_no_limits_and_one_that_starts_at_its_stop():
+    assert "no stops at 'e' (no limits)" in load(arm(kind='revolute'))[1]
+    chain, note, _ = load(arm(kind='revolute', in_e='<limit lower="0.2" upper="1"/>'))
+    assert chain.joints[1].position == 0.2 and "initial position moved to the stop at 'e' (0.2)" in note
+
+
+@pytest.mark.parametrize('told, position, velocity', [
+    ('<state_interface name="position"><param name="initial_value">0.7</param></state_interface>', 0.7, 0.0),
+    ('<command_interface name="position"><param name="initial_value">-0.7</param></command_interface>', -0.7, 0.0),
+    ('<param name="initial_position"> 0.7 </param><state_interface name="effort"/>', 0.7, 0.0),
+    ('<state_interface name="velocity"><param name="initial_value">2e0</param></state_interface>', 0.0, 2.0),
+    ('<state_interface name="effort"><param name="initial_value">5</param></state_interface>', 0.0, 0.0),
+])
+def test_ros2_control_says_where_a_joint_starts(told, position, velocity):
+    chain = load(arm(more=f'<ros2_control name="c" type="system"><joint name="s">{told}</joint></ros2_control>'))[0]
+    assert (chain.joints[0].position, chain.joints[0].velocity) == (position, velocity)
+    assert (chain.joints[1].position, chain.joints[1].velocity) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize('changes, said', [
+    ({'more': '<gazebo reference="s"><springStiffness>3</springStiffness></gazebo>'}, 'springs'),
+    ({'more': '<gazebo reference="a"><turnGravityOff>true</turnGravityOff></gazebo>'}, 'turnGravityOff of gazebo'),
+    ({'more': '<force_element name="f"/>'}, 'element force_element'),
+    ({'in_s': '<safety_controller k_velocity="1"/>'}, 'safety_controller'),
+    ({'in_s': '<dynamics damping="1" spring_stiffness="2"/>'}, 'spring_stiffness of dynamics'),
+    ({'more': '<link name="lost"/>'}, "link 'lost', which no joint joins to the others"),
+    ({'in_s': '<limit velocity="1"/>', 'in_e': '<limit velocity="1"/>'}, 'velocity limits (2)'),
+])
+def test_what_is_dropped_is_listed(changes, said):
+    assert load(arm(**changes))[1].endswith(f'; not used: {said}')
+    assert 'not used' not in load(arm())[1]
+
+
+def test_the_mass_of_the_root_and_a_missing_inertia_are_told():
+    heavy = arm().replace('<link name="stand"/>',
+                          '<link name="stand"><inertial><mass value="9"/><inertia/></inertial></link>')
+    assert "not used: the mass of the root link 'stand', which is the base" in load(heavy)[1]
+    point = arm().replace(POINT.format(0.02), '</inertial>')
+    chain, note, _ = load(point)
+    assert "not used: inertia, none is given, of link 'b'" in note and chain.bodies[1].inertia_com == 0.0
+
+
+@pytest.mark.parametrize('changes, said', [
+    ({'more': '<gazebo><joint name="d" type="revolute"><parent>b</parent><child>stand</child></joint></gazebo>'},
+     "joint 'd' between 'b' and 'stand' (in <gazebo>, line 7) closes a loop"),
+    ({'more': '<gazebo reference="b"><x><joint name="d" type="fixed"><parent>b</parent><child>stand</child></joint></x>'
+              '</gazebo>'}, "joint 'd' between 'b' and 'stand'"),
+    ({'more': '<gazebo><plugin filename="gz-sim-detachable-joint-system" name="gz::sim::systems::DetachableJoint">'
+              '<parent_link>b</parent_link><child_link>stand</child_link></plugin></gazebo>'},
+     "DetachableJoint 'gz::sim::systems::DetachableJoint' between 'b' and 'stand'"),
+    ({'more': '<mujoco><equality><connect name="d" body1="b" body2="a"/></equality></mujoco>'},
+     "connect 'd' between 'b' and 'a' (in <mujoco>, line 7) closes a loop"),
+    ({'more': '<loop_joint name="d" type="revolute"/>'}, "joint 'd' (on line 7) closes a loop"),
+    ({'more': '<joint name="d" type="continuous"><parent link="stand"/><child link="b"/></joint>'},
+     "joint 'd' closes a loop at link 'b', which 'e' carries"),
+    ({'more': '<gazebo><plugin name="p"><joint>e</joint><mimicJoint>s</mimicJoint></plugin></gazebo>'},
+     "couples a joint to 's' (in <gazebo>, line 7)"),
+    ({'in_e': '<mimic joint="s" multiplier="-0.5"/>'}, "joint 'e' mimics 's', must move on its own or be held"),
+    ({'kind': 'floating'}, "joint 'e' is of type 'floating', must be one of fixed, continuous, revolute, prismatic, "
+                           "or be held where it is (hold 'e')"),
+    ({'more': '<link name="c"/><joint name="f" type="fixed"><parent link="c"/><child link="lost"/></joint>'
+              '<link name="lost"/>'}, "has 2 links that no joint carries, 'stand', 'c', must be one tree"),
+    ({'more': '<link name="c"/><joint name="f" type="revolute"><parent link="b"/><child link="c"/><axis xyz="0 1 0"/>'
+              '</joint>'}, "joint 'f' moves no mass, as link 'c' and what it carries have none"),
+    ({'in_a': '<inertial><mass value="-1"/></inertial>'}, "link 'a' has value '-1', must be a finite number >= 0"),
+    ({'in_e': '<dynamics damping="-1"/>'}, "joint 'e' has damping '-1', must be a finite number >= 0"),
+    ({'in_a': '<inertial><inertia iyy="-1"/></inertial>'}, "link 'a' has the moment of inertia -1 kg m^2"),
+])
+def test_what_is_no_tree_of_free_joints_is_refused(changes, said):
+    assert said in refusal(arm(**changes))
+
+
+@pytest.mark.parametrize('changes, said', [
+    ({'more': '<xacro:arm side="left"/>'}, 'the element xacro:arm of xacro on line 7'),
+    ({'mount': 'xyz="0 0 ${height}"'}, '0 0 ${height} of xacro on line 4'),
+    ({'more': '<gazebo><plugin><parameters>$(find x)/y.yaml</parameters></plugin></gazebo>'}, '$(find x)/y.yaml'),
+    ({'more': '<include filename="x.urdf"/>'}, 'the element include of xacro'),
+])
+def test_macros_that_were_not_expanded(changes, said):
+    sentence = refusal(arm(**changes))
+    assert said in sentence and 'must be expanded first: xacro FILE > robot.urdf' in sentence
+    prefixed = arm(more='<x:arm/>').replace('<robot', '<robot xmlns:x="http://www.ros.org/wiki/xacro"')
+    assert 'the element x:arm of xacro' in refusal(prefixed)
