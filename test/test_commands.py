@@ -56,19 +56,120 @@ def test_by_name_in_the_order_of_the_message_with_its_stamp(reader):
     layout = JointStateLayout(['c', 'a'])
     layout.effort[:] = -3.0, 9.0
     command = reader.read(BY_NAME, layout.stamped(1_000_000_007))
-    assert parts(command) == ([2, 0], [-3.0, 9.0]) and command.unknown == () and command.stamp == 1_000_000_007
+    assert parts(command) == ([2, 0], [-3.0, 9.0]) and command.ignored == () and command.stamp == 1_000_000_007
 
 
 def test_unknown_names_are_told_and_the_rest_acts(reader):
     command = reader.read(BY_NAME, joint_state(x=7.0, b=5.0))
-    assert parts(command) == ([1], [5.0]) and command.unknown == ('x',)
+    assert parts(command) == ([1], [5.0])
+    assert command.ignored == (('unknown joint', "names 'x', not among the joints a, b, c"),)
     assert parts(reader.read(BY_NAME, joint_state(x=7.0))) == ([], [])
 
 
-def test_positions_alone_command_nothing(reader):
+def test_positions_alone_command_nothing_and_are_told(reader):
     data = joint_state(a=1.0)
     without_effort = data[:-16] + bytes(4)   # instead of count, gap and value
-    assert parts(reader.read(BY_NAME, without_effort)) == ([], [])
+    command = reader.read(BY_NAME, without_effort)
+    assert parts(command) == ([], [])
+    assert command.ignored == (('no effort', "has a position without an effort for 'a', but only efforts act"),)
+
+
+def message(names=(), position=(), velocity=(), effort=()):
+    """Return a JointState as rclpy writes it; arrays may be of any lengths."""
+    from rclpy.serialization import serialize_message
+    from sensor_msgs.msg import JointState
+    return serialize_message(JointState(name=list(names), position=list(position), velocity=list(velocity),
+                                        effort=list(effort)))
+
+
+def test_nan_is_no_command_for_a_joint_and_infinity_refuses_the_message(reader):
+    """Invariant, on random messages: exactly the known joints with a number are commanded, with its bits."""
+    random = np.random.default_rng(7)
+    commanded = refused = 0
+    for _ in range(600):
+        names = list(random.permutation(['a', 'b', 'c', 'x', 'y']))[:random.integers(1, 6)]
+        efforts = (random.normal(size=len(names)) * 10.0 ** random.integers(-300, 300, len(names))).tolist()
+        efforts = [random.choice([value, np.nan, np.nan, -0.0, np.inf], p=[0.5, 0.2, 0.15, 0.1, 0.05])
+                   for value in efforts]
+        data = message(names, effort=efforts)
+        if np.isinf(efforts).any():
+            with pytest.raises(CommandError, match='inf, must be finite'):
+                reader.read(BY_NAME, data)
+            refused += 1
+            continue
+        command = reader.read(BY_NAME, data)
+        wanted = {name: value for name, value in zip(names, efforts) if name in 'abc' and not np.isnan(value)}
+        assert [('abc')[joint] for joint in command.joints] == list(wanted)
+        assert np.array(command.efforts).tobytes() == np.array(list(wanted.values())).tobytes()
+        told = [reason for reason, _ in command.ignored]
+        assert told == (['unknown joint'] if {'x', 'y'} & set(names) else [])
+        commanded += bool(wanted)
+    assert commanded > 200 and refused > 50
+
+
+def test_what_the_topic_based_hardware_of_ros2_control_sends(reader):
+    """
+    Twin, on random robots: all joints of the tag are named, efforts come for those alone with an effort interface.
+
+    With commanded_joints they go where they belong, NaN for those that no controller has claimed; without it such a
+    message is refused, and the sentence says what to set.
+    """
+    random = np.random.default_rng(8)
+    ragged = 0
+    for _ in range(300):
+        tag = list(random.permutation(['a', 'b', 'c', 'gripper']))[:random.integers(1, 5)]
+        with_effort = [name for name in tag if random.random() < 0.6]
+        efforts = [random.choice([float(random.normal()), np.nan]) for _ in with_effort]
+        data = message(tag, position=[np.nan] * len(tag), effort=efforts)
+        wanted = {name: value for name, value in zip(with_effort, efforts)
+                  if name != 'gripper' and not np.isnan(value)}
+        command = CommandReader(['a', 'b', 'c'], with_effort).read(BY_NAME, data)
+        assert dict(zip(('abc'[joint] for joint in command.joints), command.efforts)) == wanted
+        assert {reason for reason, _ in command.ignored} <= {'unknown joint'}
+        if 0 < len(with_effort) < len(tag):
+            ragged += 1
+            with pytest.raises(CommandError, match='parameter commanded_joints must name the joints that the efforts '
+                                                   'are for, in order'):
+                reader.read(BY_NAME, data)
+    assert ragged > 100
+
+
+@pytest.mark.parametrize('names, efforts', [
+    (['a', 'b', 'c'], [1.0]),                 # fewer than commanded_joints has
+    (['c', 'b', 'a'], [1.0, 2.0]),            # in another order
+    (['a', 'b', 'x'], [1.0, 2.0]),            # one of them is not there
+    (['a'], [1.0, 2.0])])                     # more efforts than names
+def test_a_short_effort_that_does_not_go_with_commanded_joints_is_refused(names, efforts):
+    with pytest.raises(CommandError) as refusal:
+        CommandReader(['a', 'b', 'c'], ['a', 'c']).read(BY_NAME, message(names, effort=efforts))
+    assert refusal.value.reason == 'wrong length'
+
+
+def test_a_joint_named_twice_is_refused_and_an_unknown_name_twice_is_not(reader):
+    for efforts in ([1.0, 2.0, 3.0], [np.nan, 2.0, np.nan], [1.0, 1.0, 1.0]):
+        with pytest.raises(CommandError, match="it names joint 'b' more than once, must name each once") as refusal:
+            reader.read(BY_NAME, message(['b', 'a', 'b'], effort=efforts))
+        assert refusal.value.reason == 'named twice'
+    assert parts(reader.read(BY_NAME, message(['x', 'a', 'x'], effort=[1.0, 2.0, 3.0]))) == ([0], [2.0])
+
+
+NAN2 = [np.nan, np.nan]
+
+
+@pytest.mark.parametrize('data, reason', [
+    (message(), 'empty'),
+    (message(['a', 'b']), 'no effort'),
+    (message(['a', 'b'], velocity=[0.0, 1.0]), 'no effort'),
+    (message(['a', 'b'], position=[np.nan, 1.0], effort=[1.0, np.nan]), 'no effort'),   # of b, as a gripper has it
+    (message(['a', 'b'], position=[1.0], effort=[1.0, np.nan]), 'no effort'),
+    (message(['x'], effort=[1.0]), 'unknown joint'),
+    # What follows is normal: before a controller is active, and of one that tells what it wants besides.
+    (message(['a', 'b'], effort=NAN2), None),
+    (message(['a', 'b'], position=NAN2, velocity=NAN2), None),
+    (message(['a', 'b'], position=NAN2, velocity=NAN2, effort=NAN2), None),
+    (message(['a', 'b'], position=[1.0, 2.0], velocity=[3.0, 4.0], effort=[5.0, 6.0]), None)])
+def test_what_moves_nothing_is_told_and_what_is_normal_is_not(reader, data, reason):
+    assert [told for told, _ in reader.read(BY_NAME, data).ignored] == ([reason] if reason else [])
 
 
 @pytest.mark.parametrize('values, reason, sentence', [
@@ -85,8 +186,8 @@ def test_refused_in_order(reader, values, reason, sentence):
 
 
 def test_refused_by_name_as_a_whole(reader):
-    with pytest.raises(CommandError, match='its effort 1 is nan, must be finite'):
-        reader.read(BY_NAME, joint_state(a=5.0, x=np.nan))
+    with pytest.raises(CommandError, match='its effort 1 is inf, must be finite'):
+        reader.read(BY_NAME, joint_state(a=5.0, x=np.inf))
     ragged = bytearray(joint_state(a=5.0, b=6.0))
     ragged[-24] = 1                          # the count of the effort: one value for two names
     with pytest.raises(CommandError, match='it has 1 efforts for 2 names, must have as many'):
@@ -124,12 +225,17 @@ def test_a_joint_that_is_not_commanded_any_more_expires_alone():
 def test_lockstep_takes_the_first_answer_to_the_state_outstanding():
     answers = Answers((0, 1))
     answers.await_for(stamp=7, shown=100, since=0)
-    assert answers.admit(Command((0, 1), (1.0, 1.0), stamp=6), 150) is None, 'it answers an older state'
-    assert answers.admit(Command((0, 1), (1.0, 1.0)), 99) is None, 'it was on its way before the state was shown'
+    for command, received, why in ((Command((0, 1), (1.0, 1.0), stamp=6), 150, 'other stamp'),
+                                   (Command((0, 1), (1.0, 1.0), stamp=9), 150, 'other stamp'),
+                                   (Command((0, 1), (1.0, 1.0), stamp=0), 150, 'no stamp'),
+                                   (Command((0, 1), (1.0, 1.0)), 99, 'early answer')):
+        admitted = answers.admit(command, received)
+        assert parts(admitted) == ([], []) and [reason for reason, _ in admitted.ignored] == [why]
     assert parts(answers.admit(Command((1, 2), (2.0, 3.0), stamp=7), 150)) == ([1, 2], [2.0, 3.0])
     assert answers.missing == {0} and not answers.complete
-    assert parts(answers.admit(Command((0, 1), (4.0, 5.0)), 150)) == ([0], [4.0]), 'the first answer stands'
-    assert answers.complete and answers.ignored == 2
+    second = answers.admit(Command((0, 1), (4.0, 5.0)), 150)
+    assert parts(second) == ([0], [4.0]), 'the first answer stands'
+    assert [reason for reason, _ in second.ignored] == ['second answer'] and answers.complete
     answers.await_for(8, 200, 0)
     assert parts(answers.admit(Command((2,), (6.0,), stamp=1), 201)) == ([2], [6.0]), 'nobody waits for joint 2'
     assert answers.missing == {0, 1}
@@ -139,6 +245,7 @@ def test_lockstep_takes_the_first_answer_to_the_state_outstanding():
     assert answers.shown == 50
     answers.clear()
     assert answers.missing == {0, 1}
+    assert parts(answers.admit(Command((0,), (8.0,)), -5)) == ([0], [8.0]), 'past 2038 DDS has no time'
 
 
 def test_a_topic_that_is_none_is_refused():

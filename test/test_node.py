@@ -134,8 +134,11 @@ def test_an_unknown_name_is_ignored_with_one_warning(peer):
     (efforts([1] * 6), 'it has 6 efforts, must have 5, one for every joint'),
     (efforts([1, 1, float('nan'), 1, 1]), 'its effort 2 is nan, must be finite'),
     (efforts([1, 1, 1, 1, float('-inf')]), 'its effort 4 is -inf, must be finite'),
-    (JointState(name=[JOINTS[0], 'x'], effort=[1.0, float('nan')]), 'its effort 1 is nan, must be finite'),
-    (JointState(name=JOINTS, effort=[1.0]), 'it has 1 efforts for 5 names, must have as many')])
+    (JointState(name=[JOINTS[0], 'x'], effort=[1.0, float('inf')]), 'its effort 1 is inf, must be finite'),
+    (JointState(name=[JOINTS[0], JOINTS[0]], effort=[1.0, 2.0]),
+     f'it names joint {JOINTS[0]!r} more than once, must name each once'),
+    (JointState(name=JOINTS, effort=[1.0]), 'it has 1 efforts for 5 names, must have as many, or the parameter '
+     'commanded_joints must name the joints that the efforts are for, in order')])
 def test_a_bad_command_is_refused_as_a_whole(peer, message, reason):
     peer.commands.publish(efforts([5, 4, 3, 2, 1]))
     peer.new_state(lambda state: state.effort[0] == 5)

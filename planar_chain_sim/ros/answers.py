@@ -1,7 +1,7 @@
 """Which joints have a command for the state that lockstep has shown last."""
 from __future__ import annotations
 
-from typing import Optional, Sequence
+from typing import Sequence
 
 from .commands import Command
 
@@ -20,7 +20,6 @@ class Answers:
         self.missing = set()
         self.stamp = self.shown = self.since = 0
         self.told = False  # whether silence has been reported
-        self.ignored = 0   # commands that answered nothing, since the start
 
     def await_for(self, stamp: int, shown: int, since: int) -> None:
         """
@@ -45,17 +44,30 @@ class Answers:
         """Whether every joint has its command."""
         return not self.missing
 
-    def admit(self, command: Command, received: int) -> Optional[Command]:
-        """Return what acts of a command that came at `received`, ns since the epoch, or 0; None where nothing."""
+    def admit(self, command: Command, received: int) -> Command:
+        """Return what acts of a command received at this time, ns since the epoch, or 0; and why the rest does not."""
         if command.stamp is None:
-            answers = not received or received >= self.shown
+            answers = received <= 0 or received >= self.shown  # DDS counts seconds in 32 bits, and has no later time
         else:
             answers = command.stamp == self.stamp
         acting = [(joint, value) for joint, value in zip(command.joints, command.efforts)
                   if joint not in self._joints or (answers and joint in self.missing)]
-        if not acting:
-            self.ignored += bool(command.joints)
-            return None
-        joints, efforts = zip(*acting)
+        if len(acting) == len(command.joints):
+            self.missing.difference_update(command.joints)
+            return command
+        joints, efforts = zip(*acting) if acting else ((), ())
         self.missing.difference_update(joints)
-        return command._replace(joints=joints, efforts=efforts)
+        return command._replace(joints=joints, efforts=efforts,
+                                ignored=(*command.ignored, self._why(command, answers)))
+
+    def _why(self, command: Command, answers: bool) -> tuple[str, str]:
+        """Return why a command, or a part of it, is no answer to the state outstanding: reason, sentence."""
+        if answers:
+            return 'second answer', 'is for joints that have their command for this state, and the first one stands'
+        if command.stamp is None:
+            return 'early answer', 'had come before the state was shown that now waits for an answer'
+        if not command.stamp:
+            return 'no stamp', 'has no stamp, in lockstep it must echo that of the state it answers'
+        what = 'an earlier state' if command.stamp < self.stamp else 'no state that was shown'
+        return 'other stamp', (f'has the stamp {command.stamp * 1e-9:.9g} s, which is that of {what}: in lockstep it '
+                               f'must echo that of the state it answers, now {self.stamp * 1e-9:.9g} s')

@@ -19,20 +19,24 @@ class CommandIntake:
     """
     Takes the messages of `inputs`, key of INPUTS -> polled subscription, for the joints and bodies of `chain`.
 
-    `context`: of rclpy. `publication` records messages and tells what was rejected; `warn(key, sentence)` logs.
-    held: HeldEffort. rejected: Counter of reasons. wrenches: body -> the newest wrench for it, as the change 'wrench'
-    has it, until the owner takes it out.
+    `context`: of rclpy. `publication` records messages and tells what was rejected; `warn(key, sentence)` logs, and
+    returns False where it has done so for this key in the last second.
+    `commanded`: of CommandReader. held: HeldEffort. rejected, ignored: Counters of reasons, of messages that are
+    refused and of those that have, in part or whole, no effect. superseded: how many a newer one has overtaken before
+    they acted. fresh: whether anything has come since the owner set it to False. wrenches: body -> the newest wrench
+    for it, as the change 'wrench' has it, until the owner takes it out.
     """
 
-    def __init__(self, chain, inputs, context, publication, warn):
+    def __init__(self, chain, commanded, inputs, context, publication, warn):
         self._names, self._inputs, self._publication, self._warn = chain.joint_names, inputs, publication, warn
         self._topics = {key: subscription.topic_name for key, subscription in inputs.items()}
         # Bound once: subscriptions outlive the thread that takes from them, and it does so at every tick.
         self._takes = {key: (subscription.handle.take_message, subscription.msg_type, range(INPUTS[key].depth))
                        for key, subscription in inputs.items()}
-        self._reader = CommandReader(self._names)
+        self._reader = CommandReader(self._names, commanded)
         self._wrench_reader = WrenchReader([body.name for body in chain.bodies])
-        self.held, self.rejected = HeldEffort(len(self._names)), Counter()
+        self.held, self.rejected, self.ignored = HeldEffort(len(self._names)), Counter(), Counter()
+        self.superseded, self.fresh = 0, False
         self.wrenches, self._pushes = {}, []  # the second: messages not yet read
         self._heard = self._next = ()  # keys of the inputs that have a publisher; of those to be polled next time
         self._waker = GuardCondition(lambda: None, None, context=context)
@@ -84,28 +88,26 @@ class CommandIntake:
                 self._publication.tell_message(event)
                 return None
         acting, rejected, settled = [], {}, set()
-        for received, key, data in arrived if answers else reversed(arrived):
+        for place, (received, key, data) in enumerate(arrived if answers else reversed(arrived)):
+            topic = self._topics[key]
+            if not answers and len(settled) == len(self._names):
+                self.superseded += len(arrived) - place  # a flood is not worth reading
+                break
             try:
                 command = self._reader.read(INPUTS[key].type_name, data)
             except CommandError as error:
-                rejected.setdefault(self._topics[key], []).append(error)
+                rejected.setdefault(topic, []).append(error)
                 continue
-            if command.unknown:
-                self._warn('unknown', f'command on {self._topics[key]} names '
-                           f'{", ".join(map(repr, command.unknown[:3]))}, '
-                           f'not among the joints {", ".join(self._names[:32])}')
             if answers:
-                if command.stamp == 0 != answers.stamp and command.joints:
-                    self._warn('unstamped', f'command on {self._topics[key]} has no stamp, in lockstep it must echo '
-                               'that of the state it answers')
                 command = answers.admit(command, received)
-            if command and command.joints:
-                acting.append((self._topics[key], command))
+            for reason, sentence in command.ignored:
+                self.ignore(topic, reason, f'command on {topic} {sentence}')
+            if command.joints:
+                acting.append((topic, command))
+                self.superseded += not answers and settled.issuperset(command.joints)
                 settled.update(command.joints)
-                if not answers and len(settled) == len(self._names):
-                    break  # what is older is overtaken, a flood is not worth reading
-        if rejected:
-            self._reject(rejected)
+        for topic, errors in rejected.items():
+            self._reject(topic, errors)
         if not acting:
             return None
         for _, command in acting if answers else reversed(acting):
@@ -129,6 +131,7 @@ class CommandIntake:
                     self._pushes.append(data)
                 if len(data) <= LONGEST_MESSAGE:
                     self._publication.record_command(self._topics[key], data, about['source_timestamp'])
+        self.fresh = self.fresh or bool(arrived or self._pushes)
         # Each topic keeps its own order; between the two, the time at which the middleware received a message decides.
         if len(keys) > 1:
             arrived.sort(key=itemgetter(0))
@@ -136,21 +139,32 @@ class CommandIntake:
 
     def _read_wrenches(self) -> None:
         """Judge the wrenches that have come; of each body the newest is kept."""
-        errors = []
+        errors, topic = [], self._topics['wrench']
         for data in self._pushes:
             try:
-                wrench = self._wrench_reader.read(data)
+                wrench, ignored = self._wrench_reader.read(data)
+                if ignored:
+                    self.ignore(topic, 'out of plane', f'wrench on {topic} {ignored}')
+                self.superseded += wrench['body'] in self.wrenches
                 self.wrenches[wrench['body']] = wrench
             except CommandError as error:
                 errors.append(error)
         self._pushes.clear()
         if errors:
-            self._reject({self._topics['wrench']: errors[::-1]})
+            self._reject(topic, errors[::-1])
 
-    def _reject(self, rejected) -> None:
-        """Count and tell what was refused, topic -> errors, the newest first."""
-        for topic, errors in rejected.items():
-            self.rejected.update(error.reason for error in errors)
-            self._publication.event('rejected', topic=topic, reason=str(errors[0]), count=len(errors))
-            what = 'wrench' if topic == self._topics['wrench'] else 'command'
-            self._warn(topic, f'{what} on {topic} rejected: {errors[0]}')
+    def ignore(self, topic: str, reason: str, sentence: str) -> None:
+        """Count and tell that something on a topic has no effect: by a warning and an event a second at most."""
+        self.ignored[reason] += 1
+        if self._warn((topic, reason), sentence):
+            self._publication.event('ignored', topic=topic, reason=reason, message=sentence,
+                                    count=self.ignored[reason])
+
+    def _reject(self, topic: str, errors: list) -> None:
+        """Count and tell what was refused on a topic, the newest first; of each reason one stands for all."""
+        what = 'wrench' if topic == self._topics['wrench'] else 'command'
+        for reason, count in Counter(error.reason for error in errors).items():
+            error = next(error for error in errors if error.reason == reason)
+            self.rejected[reason] += count
+            self._publication.event('rejected', topic=topic, reason=str(error), count=count)
+            self._warn((topic, reason), f'{what} on {topic} rejected: {error}')

@@ -1,7 +1,7 @@
 """Effort commands: what a message asks of which joint, what is refused, and the efforts held until the next one."""
 from __future__ import annotations
 
-from math import isfinite
+from math import isfinite, isinf, isnan
 from typing import NamedTuple, Optional, Sequence
 
 import numpy as np
@@ -23,19 +23,25 @@ class Command(NamedTuple):
     """
     What a message asks for: `efforts` (N m or N) of `joints` (indices), in its order.
 
-    `stamp`: ns, of the state that it answers, None where its type has none. `unknown`: names that no joint has.
+    `stamp`: ns, of the state that it answers, None where its type has none. `ignored`: what in it has no effect, as
+    (reason, sentence).
     """
 
     joints: Sequence[int]
     efforts: Sequence[float]
     stamp: Optional[int] = None
-    unknown: tuple = ()
+    ignored: tuple = ()
 
 
 class CommandReader:
-    """Reads the commands for joints of these names."""
+    """
+    Reads the commands for joints of these names.
 
-    def __init__(self, joint_names: Sequence[str]):
+    `commanded`: names of the joints, in order, that a JointState with fewer efforts than names has its efforts for.
+    """
+
+    def __init__(self, joint_names: Sequence[str], commanded: Sequence[str] = ()):
+        self._names, self._commanded = tuple(joint_names), tuple(commanded)
         self._index = {name: k for k, name in enumerate(joint_names)}
         self._all = range(len(joint_names))
 
@@ -43,8 +49,9 @@ class CommandReader:
         """
         Return what a message (CDR) of one of these types commands: no joint where it carries no effort.
 
-        `type_name`: std_msgs/msg/Float64MultiArray in joint order, or sensor_msgs/msg/JointState by name.
-        CommandError on malformed bytes, a wrong length or a value that is not finite.
+        `type_name`: std_msgs/msg/Float64MultiArray in joint order, or sensor_msgs/msg/JointState by name, where NaN is
+        no command for that joint. CommandError on malformed bytes, a wrong length, a joint named twice or a value that
+        is not finite.
         """
         if len(data) > LONGEST_MESSAGE:
             raise CommandError('too long', f'it has {len(data)} bytes, must have at most {LONGEST_MESSAGE}')
@@ -62,27 +69,81 @@ class CommandReader:
         return Command(self._all, _finite(values))
 
     def _by_name(self, message) -> Command:
-        names, values = message.names, message.effort
-        if not len(values):
-            return Command((), (), message.stamp)  # positions and velocities alone are not for an effort interface
-        if len(values) != len(names):
-            raise CommandError('wrong length',
-                               f'it has {len(values)} efforts for {len(names)} names, must have as many')
-        values, index = _finite(values.tolist()), self._index
+        names, values, index = message.names, message.effort.tolist(), self._index
         joints = [index[name] for name in names if name in index]
-        if len(joints) == len(names):
-            return Command(joints, values, message.stamp)
-        return Command(joints, [value for name, value in zip(names, values) if name in index], message.stamp,
-                       tuple(name for name in names if name not in index))
+        if len(set(joints)) == len(joints) == len(names) == len(values) > 0 and isfinite(sum(values)):
+            return Command(joints, values, message.stamp)  # as nearly all are, and one may come at every tick
+        if len(set(joints)) < len(joints):
+            twice = next(name for name in names if name in index and names.count(name) > 1)
+            raise CommandError('named twice', f'it names joint {twice!r} more than once, must name each once')
+        _refuse(isinf, values)
+        commanded = [(index[name], value) for name, value in zip(self._names_of_efforts(names, len(values)), values)
+                     if name in index and not isnan(value)]
+        joints, efforts = zip(*commanded) if commanded else ((), ())
+        return Command(joints, efforts, message.stamp, tuple(self._without_effect(message, set(joints))))
+
+    def _names_of_efforts(self, names: tuple, count: int) -> Sequence[str]:
+        """
+        Return the names that a message's efforts are for, in order; CommandError where nobody can know.
+
+        The topic-based hardware of ros2_control names all of its joints and sends efforts for those alone that have an
+        effort interface.
+        """
+        if count in (0, len(names)):
+            return names[:count]
+        commanded = self._commanded
+        if count > len(names):
+            raise CommandError('wrong length', f'it has {count} efforts for {len(names)} names, must have as many')
+        if not commanded:
+            raise CommandError('wrong length',
+                               f'it has {count} efforts for {len(names)} names, must have as many, or the parameter '
+                               'commanded_joints must name the joints that the efforts are for, in order')
+        if count != len(commanded) or tuple(name for name in names if name in commanded) != commanded:
+            raise CommandError('wrong length',
+                               f'it has {count} efforts for the names {", ".join(names[:32])}, which does not go with '
+                               f'the parameter commanded_joints: {", ".join(commanded[:32])}')
+        return commanded
+
+    def _without_effect(self, message, commanded: set):
+        """Yield (reason, sentence) of what a JointState has that moves nothing; NaN is meant to, and not told."""
+        names = message.names
+        if not names:
+            yield 'empty', 'names no joint'
+        unknown = [name for name in names if name not in self._index]
+        if unknown:
+            yield 'unknown joint', f'names {_listed(unknown)}, not among the joints {", ".join(self._names[:32])}'
+        given = [(kind, values) for kind, values in (('position', message.position), ('velocity', message.velocity))
+                 if len(values)]
+        for kind, values in given:
+            if len(values) == len(names):
+                wanting = [name for name, value in zip(names, values.tolist()) if not isnan(value)
+                           and name in self._index and self._index[name] not in commanded]
+            else:
+                wanting = [] if np.isnan(values).all() else names
+            if wanting:
+                yield 'no effort', f'has a {kind} without an effort for {_listed(wanting)}, but only efforts act'
+                return
+        if names and not given and not len(message.effort):
+            yield 'no effort', f'has no effort for {_listed(names)}'
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Return the first of the names, quoted."""
+    return ', '.join(map(repr, names[:3])) + (' and others' if len(names) > 3 else '')
 
 
 def _finite(values: Sequence[float]) -> Sequence[float]:
     """Return the values; CommandError where one is not finite. For a few values NumPy takes longer."""
     if not isfinite(sum(values)):  # finite values may also have a sum that is not
-        for place, value in enumerate(values):
-            if not isfinite(value):
-                raise CommandError('not finite', f'its effort {place} is {value}, must be finite')
+        _refuse(lambda value: not isfinite(value), values)
     return values
+
+
+def _refuse(is_bad, values: Sequence[float]) -> None:
+    """Raise CommandError where `is_bad` holds for a value."""
+    for place, value in enumerate(values):
+        if is_bad(value):
+            raise CommandError('not finite', f'its effort {place} is {value}, must be finite')
 
 
 class HeldEffort:

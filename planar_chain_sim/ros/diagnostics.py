@@ -15,24 +15,27 @@ class Diagnostics:
     Publishes what the Simulator measures on `publisher`, at each report().
 
     `values`: the node's parameters. `log`: BackgroundLogWriter or None. `name`: the node's, with its namespace.
+    `neighbours`: Neighbours.
     """
 
-    def __init__(self, name: str, simulator, publisher, values, log, hardware: str):
+    def __init__(self, name: str, simulator, publisher, values, log, hardware: str, neighbours):
         self._name, self._simulator, self._publisher = name, simulator, publisher
         self._values, self._log, self._hardware = values, log, hardware
-        self._before = 0, 0.0, 0  # missed ticks, dropped s and rejected commands by the last report
+        self._neighbours = neighbours
+        self._before = 0, 0.0, 0, 0  # missed ticks, dropped s, rejected and ignored commands by the last report
 
     def report(self) -> None:
         """Publish one message; where the tick thread does not answer, that is what it says."""
         answered, measured = self._simulator.ask('measure')
         if answered:
-            statuses = [self._simulation(measured), self._commands(measured), self._log_state()]
-            self._before = measured.missed, measured.dropped, sum(measured.rejected.values())
+            statuses = [self._simulation(measured), self._commands(measured), self._log_state(), self._network()]
+            self._before = (measured.missed, measured.dropped, sum(measured.rejected.values()),
+                            sum(measured.ignored.values()))
         else:
             statuses = [self._status('simulation', ERROR, measured, {})]
         message = DiagnosticArray(status=statuses)
         message.header.stamp = Time(sec=(now := time_ns()) // 10**9, nanosec=now % 10**9)
-        self._publisher.publish(message)
+        self._simulator.hold_ups.publish(self._publisher.publish, message)
 
     def _status(self, part: str, level: bytes, sentence: str, values: dict) -> DiagnosticStatus:
         return DiagnosticStatus(name=f'{self._name}: {part}', level=level, message=sentence, hardware_id=self._hardware,
@@ -47,6 +50,7 @@ class Diagnostics:
             'missed ticks': measured.missed,
             'dropped ticks': round(measured.dropped * self._values['rate'] * self._values['real_time_factor']),
             'dropped time, s': f'{measured.dropped:.6g}',
+            'publishing held up, s': f'{measured.held_up:.6g}',
             'lateness mean, s': f'{measured.lateness[0]:.3g}',
             'lateness largest, s': f'{measured.lateness[1]:.3g}',
             'energy balance error, J': f'{measured.energy_error:.3g}',
@@ -63,16 +67,29 @@ class Diagnostics:
             return self._status('simulation', WARN, f'{dropped:.3f} s dropped, the machine cannot keep up', values)
         sentence = 'paused' if measured.paused else 'running'
         if self._values['lockstep'] and not measured.paused:
+            joints, seconds = measured.waiting
+            values['waiting for commands for'] = ', '.join(joints[:32])
+            if seconds >= PERIOD:
+                return self._status('simulation', WARN, f'waits for a command for {", ".join(joints[:32])} since '
+                                    f'{seconds:.3g} s', values)
             sentence = 'in lockstep with its controllers'
         return self._status('simulation', OK, sentence + (f', {missed} ticks came late' if missed else ''), values)
 
     def _commands(self, measured) -> DiagnosticStatus:
-        count = sum(measured.rejected.values())
-        fresh = count - self._before[2]
-        values = {'rejected': count}
-        values.update({f'rejected, {reason}': number for reason, number in measured.rejected.items()})
-        sentence = f'{fresh} rejected' if fresh else 'none rejected'
-        return self._status('commands', WARN if fresh else OK, sentence, values)
+        values, fresh = {}, {}
+        for what, before in zip(('rejected', 'ignored'), self._before[2:]):
+            counts = getattr(measured, what)
+            values[what] = sum(counts.values())
+            values.update({f'{what}, {reason}': number for reason, number in counts.items()})
+            fresh[what] = values[what] - before
+        values['superseded'] = measured.superseded
+        told = [f'{count} {what}' for what, count in fresh.items() if count]
+        return self._status('commands', WARN if told else OK, ', '.join(told) or 'none rejected', values)
+
+    def _network(self) -> DiagnosticStatus:
+        faults = self._neighbours.faults
+        return self._status('network', WARN if faults else OK, faults[0] if faults else 'nobody is in the way',
+                            {f'fault {place}': fault for place, fault in enumerate(faults, 1)})
 
     def _log_state(self) -> DiagnosticStatus:
         if not self._log:

@@ -10,6 +10,7 @@ from time import monotonic_ns, time_ns
 from .answers import Answers
 from .simulator import LONGEST_SLEEP, Simulator
 
+USUAL_TIMEOUT = 1.0  # s; where command_timeout is not set, silence is told after this
 REPEAT_PERIOD = 1_000_000_000  # ns after which the state outstanding is shown again, for those who came late
 
 
@@ -36,15 +37,20 @@ class LockstepSimulator(Simulator):
 
     def _report_silence(self, now: int) -> None:
         """Tell, once for a state, that commands have not come in time."""
-        answers, timeout = self._answers, self._values['command_timeout']
+        answers, timeout = self._answers, self._values['command_timeout'] or USUAL_TIMEOUT
         waited = (now - answers.since) * 1e-9
-        if not timeout or waited < timeout or answers.told:
+        if waited < timeout or answers.told:
             return
         answers.told = True
-        names = [self._simulation.chain.joint_names[joint] for joint in sorted(answers.missing)]
-        self._publication.event('command_timeout', joints=names, seconds=waited)
+        names, _ = self._waiting_for()
+        self._publication.event('command_timeout', joints=list(names), seconds=waited)
         self._logger.warning(f'lockstep waits at tick {self._simulation.tick}: no command for '
                              f'{", ".join(names[:32])} within {waited:.3g} s')
+
+    def _waiting_for(self) -> tuple:
+        names = self._simulation.chain.joint_names
+        return (tuple(names[joint] for joint in sorted(self._answers.missing)),
+                (monotonic_ns() - self._answers.since) * 1e-9)
 
     def _show(self, record: bool, publish: bool = True) -> None:
         """Show the laid out state; where it is a new one, wait for its answers from now on."""

@@ -13,8 +13,9 @@ class Measurement(NamedTuple):
     One look; counts are since the start, `lateness` (mean, largest; s) and `real_time_factor` since the last look.
 
     `missed`: ticks that came more than a period late and were made up for. `dropped`: s that were not.
-    `energy_error`, `energy_size`: of EnergyBalance, J. `rejected`: reason -> count. `end`: why the motion
-    ended, or None.
+    `energy_error`, `energy_size`: of EnergyBalance, J. `rejected`, `ignored`: reason -> count; `superseded`: count.
+    `held_up`: s that the middleware has held up who publishes. `waiting`: joints that lockstep waits for, and for how
+    long, s. `end`: why the motion ended, or None.
     """
 
     tick: int
@@ -26,6 +27,10 @@ class Measurement(NamedTuple):
     energy_error: float
     energy_size: float
     rejected: dict
+    ignored: dict
+    superseded: int
+    held_up: float
+    waiting: tuple[tuple, float]
     end: Optional[SimulationError]
 
 
@@ -61,8 +66,9 @@ class Meter:
         """Take time that was given up."""
         self._dropped += seconds
 
-    def measure(self, tick: int, intake, end: Optional[SimulationError], paused: bool) -> Measurement:
-        """Return how things stand and begin a new look."""
+    def measure(self, tick: int, intake, end: Optional[SimulationError], paused: bool, held_up: int,
+                waiting: tuple) -> Measurement:
+        """Return how things stand and begin a new look; `held_up`: ns."""
         self.balance.fold()
         now, (last_tick, last) = monotonic_ns(), self._last
         lateness = self._sum / max(self._ticks, 1) * 1e-9, self._largest * 1e-9
@@ -70,4 +76,5 @@ class Meter:
         self._ticks = self._sum = self._largest = 0
         self._last = tick, now
         return Measurement(tick, paused, factor, self._missed, self._dropped, lateness, self.balance.error,
-                           self.balance.size, dict(intake.rejected), end)
+                           self.balance.size, dict(intake.rejected), dict(intake.ignored), intake.superseded,
+                           held_up * 1e-9, waiting, end)

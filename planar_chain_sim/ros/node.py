@@ -38,8 +38,8 @@ def simulate(own_arguments, ros_arguments, stop) -> None:
         started = start_simulator(node, ending, stop, told)
         if not started:
             return
-        simulator, simulation, urdf, values, log = started
-        serve(node, ending, stop, simulator, simulation.chain, urdf, values, log)
+        simulator, simulation, urdf, values, log, ends = started
+        serve(node, ending, stop, simulator, simulation.chain, urdf, values, log, ends)
         gc.freeze()  # what is here now stays: a collection that went through all of it would hold up a tick
         gc.enable()
         reason = wait_for(stop)
@@ -77,9 +77,9 @@ def tell(node, message, category) -> None:
 
 def start_simulator(node, ending, stop, told=None):
     """
-    Return a running Simulator, its simulation, its URDF or None, parameters, log or None; None after a stop.
+    Return a running Simulator, its simulation, its URDF or None, parameters, log or None, inputs and publishers.
 
-    `told`: parameters that were given in another way than as such.
+    None after a stop. `told`: parameters that were given in another way than as such.
     """
     from .messages import create_polled_subscription, create_publisher, INPUTS, OUTPUTS
     from .declaration import declare_chain_parameters, declare_parameters
@@ -107,7 +107,7 @@ def start_simulator(node, ending, stop, told=None):
     simulator.start()
     ending.callback(simulator.stop)
     say_hello(node, simulation, values, publishers, inputs)
-    return simulator, simulation, urdf, values, log
+    return simulator, simulation, urdf, values, log, (inputs, publishers)
 
 
 def say_hello(node, simulation, values, publishers, inputs) -> None:
@@ -122,13 +122,19 @@ def say_hello(node, simulation, values, publishers, inputs) -> None:
     logger.debug(simulation.plan)
 
 
-def serve(node, ending, stop, simulator, chain, urdf, values, log) -> None:
-    """Start answering and publishing what no tick waits for: services, parameters, diagnostics, URDF, markers."""
+def serve(node, ending, stop, simulator, chain, urdf, values, log, ends) -> None:
+    """
+    Start answering and publishing what no tick waits for: services, parameters, diagnostics, URDF, markers.
+
+    `ends`: subscriptions of INPUTS and publishers of OUTPUTS, by key.
+    """
     from .diagnostics import Diagnostics, PERIOD
     from .messages import create_publisher, SIDE_OUTPUTS
     from .declaration import let_set
+    from .neighbours import Neighbours, PERIOD as NEIGHBOURS_PERIOD
     from .services import ServiceThread
 
+    neighbours = Neighbours(node, simulator, *ends)
     services = ServiceThread(node, simulator, stop.put)
     publishers = {key: create_publisher(node, topic) for key, topic in SIDE_OUTPUTS.items()
                   if (not topic.option or values[topic.option])
@@ -138,13 +144,14 @@ def serve(node, ending, stop, simulator, chain, urdf, values, log) -> None:
         from ..urdf_writer import urdf_of
         publishers['description'].publish(String(data=urdf or urdf_of(chain)))
     let_set(node, chain, lambda given: simulator.ask('set_parameters', given))
+    services.every(NEIGHBOURS_PERIOD, neighbours.look)
     services.every(PERIOD, Diagnostics(node.get_fully_qualified_name().lstrip('/'), simulator,
-                                       publishers['diagnostics'], values, log, chain.name).report)
+                                       publishers['diagnostics'], values, log, chain.name, neighbours).report)
     if 'markers' in publishers:
         from .markers import marker_array, PERIOD as MARKER_PERIOD
         frame_id = values['frame_id'] or 'world'
-        services.every(MARKER_PERIOD, lambda: publishers['markers'].publish(
-            marker_array(chain, *simulator.seen, frame_id)))
+        services.every(MARKER_PERIOD, lambda: simulator.hold_ups.publish(
+            publishers['markers'].publish, marker_array(chain, *simulator.seen, frame_id)))
     services.start()
     ending.callback(services.stop)
     ending.callback(simulator.halt)   # first of all: a service must not wait for a tick that takes long

@@ -89,6 +89,8 @@ PARAMETERS = (
     Row('record_compression', 'none', 'Compression of the log.', choices=('none', 'lz4', 'zstd')),
     Row('lockstep_joints', None, 'Joints whose commands lockstep waits for; default or empty: all.',
         of_chain=(TEXTS, lambda chain: list(chain.joint_names))),
+    Row('commanded_joints', None, 'Names that the efforts of a JointState with fewer efforts than names are for, in '
+        'order; default or empty: such a message is refused.', of_chain=(TEXTS, lambda chain: [])),
     *(Row(name, None, f'{name.replace("_", " ").capitalize()}.', live=True, unit=quantity.unit,
           of_chain=(NUMBERS, quantity.get)) for name, quantity in QUANTITIES.items()),
 )
@@ -158,8 +160,8 @@ def check_for_chain(chain, given: dict[str, Value]) -> dict[str, Value]:
     """
     Return what was given of the rows with a default by the chain, checked against it; Mistake.
 
-    `given`: those, and `payload_body`. An empty list stands for the default. `lockstep_joints`, `payload_body` and
-    `payload_position` are always there.
+    `given`: those, and `payload_body`. An empty list stands for the default. `lockstep_joints`, `commanded_joints`,
+    `payload_body` and `payload_position` are always there.
     """
     values = {}
     for row in PARAMETERS:
@@ -174,6 +176,9 @@ def check_for_chain(chain, given: dict[str, Value]) -> dict[str, Value]:
         if name not in chain.joint_names:
             raise Mistake(f"parameter 'lockstep_joints' names {name!r}, must name joints of the chain: "
                           f'{", ".join(chain.joint_names[:32])}')
+    commanded = values.setdefault('commanded_joints', [])
+    if len(set(commanded)) < len(commanded):
+        raise Mistake(f"parameter 'commanded_joints' is {commanded}, must name each joint once")
     bodies = [body.name for body in chain.bodies]
     values['payload_body'] = given['payload_body'] or bodies[-1]
     if values['payload_body'] not in bodies:

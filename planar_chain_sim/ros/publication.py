@@ -8,13 +8,41 @@ from typing import Optional
 from ..recording.cdr import ClockLayout, encode_string, JointStateLayout
 
 
+SHORTEST_HOLD_UP = 20_000_000  # ns that publishing one message takes, for which the middleware is to be named
+
+
+class HoldUps:
+    """
+    How long the middleware has held up those who publish: `total`, ns, of all calls that took remarkably long.
+
+    When Fast DDS looks whether the shared memory of somebody who has just come is in order, it may sleep for a third
+    of a second, and who publishes waits for it (its issue 6535). rclpy keeps the interpreter meanwhile, so that all
+    threads wait with the one that publishes.
+    """
+
+    def __init__(self):
+        self.total = 0
+
+    def publish(self, publish, message) -> None:
+        """Have a message published, from any thread."""
+        begun = monotonic_ns()
+        publish(message)
+        self.ended(begun)
+
+    def ended(self, begun: int) -> None:
+        """Take a call that began at this time, ns, and has just ended."""
+        held = monotonic_ns() - begun
+        if held > SHORTEST_HOLD_UP:
+            self.total += held
+
+
 class Publication:
     """
     Publishes for `simulation`, stamped by `pacing`.
 
     `values`: the node's parameters. `publishers`: key of OUTPUTS -> publisher. `log`: BackgroundLogWriter or None.
     `outcome`: rows for Simulation.advance, so that the kernel writes a tick's outcome straight into the message.
-    `stamp`: ns, and `message`: bytes, of the state last shown.
+    `stamp`: ns, and `message`: bytes, of the state last shown. hold_ups: HoldUps, for all who publish here.
     """
 
     def __init__(self, simulation, values, publishers, log, pacing):
@@ -25,7 +53,7 @@ class Publication:
         self._state, self._events = publishers['state'].handle, publishers['events'].handle
         self._clock = publishers.get('clock')
         self.layout = layout = JointStateLayout(simulation.chain.joint_names, values['frame_id'])
-        self._clock_layout = ClockLayout()
+        self._clock_layout, self.hold_ups = ClockLayout(), HoldUps()
         self.outcome = layout.position[None], layout.velocity[None], layout.effort[None]
         self.stamp, self.message, self._waiting = 0, b'', []
         self.ticks_per_state = round(values['rate'] / values['publish_rate'])
@@ -46,17 +74,18 @@ class Publication:
             if self._clock:
                 self._tick_clock(stamp, record)
             self._state.publish_raw(data)
+            self.hold_ups.ended(now)
         if record and self._log:   # the others wait, the log does not
             self._log.write(self._state_topic, data, now + self._wall_minus_steady, stamp, tick)
         self.stamp = stamp
         if self._waiting:
-            self._publish_events()
+            self.publish_events()
 
-    def _publish_events(self) -> None:
+    def publish_events(self) -> None:
         """Publish the events that wait: up to one a tick, so where nobody listens nothing is done."""
         if self._events.get_subscription_count():
             for message in self._waiting:
-                self._events.publish_raw(message)
+                self.hold_ups.publish(self._events.publish_raw, message)
         self._waiting.clear()
 
     def _tick_clock(self, stamp: int, record: bool) -> None:
@@ -69,7 +98,7 @@ class Publication:
     def event(self, kind: str, **data) -> None:
         """Publish an event of the present tick and record it."""
         self.tell(kind, json.dumps(data))
-        self._publish_events()
+        self.publish_events()
 
     def tell(self, kind: str, data: str, tick: Optional[int] = None) -> None:
         """

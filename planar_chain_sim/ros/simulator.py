@@ -26,7 +26,7 @@ LOOK_PERIOD = 20_000_000  # ns between two looks at who publishes commands and a
 LONGEST_SLEEP = 10_000_000  # ns; a request or a stop is seen after at most this, whatever the rate
 LONGEST_BACKLOG = 20_000  # messages; as fast as possible is no faster than the disk
 ANSWER_TIMEOUT = 2.0  # s
-WITHDRAWN = ('set_parameters', 'measure')   # of no use to who has given up waiting: a parameter reads as it was
+WITHDRAWN = ('set_parameters', 'measure', 'ignore')   # of no use to who has given up waiting: a parameter reads as it was
 LONGEST_SILENCE = 1_000_000_000   # ns between two states while time stands, for those who come late
 STEP_SLICE = 20_000_000  # ns of steps between two looks at what else is asked
 ENDING = 'the simulation is ending'
@@ -54,7 +54,8 @@ class Simulator:
 
     `values`: the node's parameters; those that differ from the chain's own were put into it already and are told at
     tick 0. `publishers`: key of OUTPUTS -> publisher. `inputs`: key of INPUTS -> polled subscription. `context`: of
-    rclpy. `log`: BackgroundLogWriter or None. `done(error)` is called when the thread cannot go on.
+    rclpy. `log`: BackgroundLogWriter or None. `done(error)` is called when the thread cannot go on. hold_ups: HoldUps,
+    by which all who publish in this process do so.
     """
 
     def __init__(self, simulation, values, publishers, inputs, context, log, logger, done):
@@ -63,13 +64,16 @@ class Simulator:
         step = simulation.step if values['publish_clock'] or values['lockstep'] else None
         self._pacing = Pacing(self._period(), time_ns() - monotonic_ns(), step)
         self._publication = Publication(simulation, values, publishers, log, self._pacing)
-        self._intake = CommandIntake(simulation.chain, inputs, context, self._publication, self._warn)
+        self.hold_ups = self._publication.hold_ups
+        self._made_up = self._told_of = 0  # ns of the hold-ups: of those caught up with; of the others, told of
+        self._intake = CommandIntake(simulation.chain, values['commanded_joints'], inputs, context, self._publication,
+                                     self._warn)
         self._held = self._intake.held
         self._wrenches = {}  # body -> the change 'wrench' that made what acts on it
         self._meter = Meter(simulation, self._publication.layout)
         self._has_joint_events = simulation.has_events
         self._paused, self._end = values['start_paused'], None
-        self._look_due = self._repeat_due = 0
+        self._look_due = self._repeat_due = self._latch_due = 0
         self._requests, self._stopping, self._log_trouble = deque(), False, ''
         self.overruled = 0   # how often somebody has paused, resumed or reset: who steps on gives way
         self._thread = Thread(target=self._run_guarded, name='tick', daemon=True)
@@ -96,10 +100,11 @@ class Simulator:
         """
         Have something done between two ticks and return its answer, (success, sentence).
 
-        'reset'; 'step'; 'step_on' (at most so many ticks, `overruled` when that was asked for first), whose sentence is
-        the number of ticks done; 'pause' (bool, and whether to reset too); 'set_parameters' ({name: value}), all or
-        none; 'measure', whose sentence is a Measurement. Where a tick takes longer than ANSWER_TIMEOUT the answer is
-        (False, so), and what was asked for is done after it and told in the log; of WITHDRAWN nothing is done then.
+        'ignore' (topic, reason, sentence), of what has no effect; 'reset'; 'step'; 'step_on' (at most so many ticks,
+        `overruled` when that was asked for first), whose sentence is the number of ticks done; 'pause' (bool, and
+        whether to reset too); 'set_parameters' ({name: value}), all or none; 'measure', whose sentence is a
+        Measurement. Where a tick takes longer than ANSWER_TIMEOUT the answer is (False, so), and what was asked for is
+        done after it and told in the log; of WITHDRAWN nothing is done then.
         """
         request = Request(what, arguments)
         self._requests.append(request)
@@ -198,6 +203,10 @@ class Simulator:
             sleep(min(self._repeat_due - now, LONGEST_SLEEP) * 1e-9)
             return
         self._latch()
+        if self._end and self._intake.fresh:
+            self._intake.ignore('', 'motion ended', f'a command has no effect, as the motion has ended ({self._end}); '
+                                '~/reset goes on from the initial state')
+        self._intake.fresh = False
         period = round(1e9 * self._simulation.step * self._publication.ticks_per_state)   # of the wall, at any pace
         self._repeat_due = now + min(period, LONGEST_SILENCE)
         self._show(record=False)
@@ -212,6 +221,10 @@ class Simulator:
             pacing.anchor(tick, now)
         due = pacing.due(tick)
         if now < due:
+            if due - now > LONGEST_SLEEP and now >= self._latch_due:
+                self._latch_due = now + LOOK_PERIOD
+                self._latch()  # so that a command is told of before its tick comes, which may be in hours
+                self._publication.publish_events()
             sleep(min(due - now, LONGEST_SLEEP) * 1e-9)
             now = monotonic_ns()
             if now < due or self._requests:
@@ -219,9 +232,22 @@ class Simulator:
         late = now - due
         self._meter.late(late, pacing.period)
         if late > LONGEST_LATENESS:
-            self._drop_time(now)
+            self._judge_lateness(now, late)
+        elif self._made_up != self.hold_ups.total and late < pacing.period:
+            self._made_up, self._told_of = self.hold_ups.total, 0
         self._latch()
         self._tick()
+
+    def _judge_lateness(self, now: int, late: int) -> None:
+        """Let time be made up for in which the middleware has held us up, however long, and drop any other."""
+        held_up = self.hold_ups.total - self._made_up
+        if held_up > self._told_of:
+            self._publication.event('held_up', seconds=(held_up - self._told_of) * 1e-9)
+            self._warn('held up', f'publishing was held up for {held_up * 1e-9:.3f} s by the middleware, as happens '
+                       'when others join; the ticks since then are made up for, none is dropped')
+        self._told_of = held_up
+        if late > LONGEST_LATENESS + held_up:
+            self._drop_time(now)
 
     def _drop_time(self, now: int) -> None:
         """Give up what is too late to be caught up; the tick that is due is due now."""
@@ -316,12 +342,18 @@ class Simulator:
     def _clear_commands(self) -> None:
         self._held.clear()
 
-    def _warn(self, key: str, sentence: str) -> None:
-        """Log a warning, at most once a second for each key."""
+    def _warn(self, key, sentence: str) -> bool:
+        """Log a warning, at most once a second for each key; return whether it was."""
         now = monotonic_ns()
-        if now >= self._warned.get(key, 0):
-            self._warned[key] = now + 1_000_000_000
-            self._logger.warning(sentence)
+        if now < self._warned.get(key, 0):
+            return False
+        self._warned[key] = now + 1_000_000_000
+        self._logger.warning(sentence)
+        return True
+
+    def _ignore(self, topic: str, reason: str, sentence: str) -> tuple[bool, str]:
+        self._intake.ignore(topic, reason, sentence)
+        return True, sentence
 
     def _reset(self) -> tuple[bool, str]:
         self.overruled += 1
@@ -400,4 +432,9 @@ class Simulator:
         return True, f'{", ".join(values)}: from tick {simulation.tick} on'
 
     def _measure(self) -> tuple:
-        return True, self._meter.measure(self._simulation.tick, self._intake, self._end, self._paused)
+        return True, self._meter.measure(self._simulation.tick, self._intake, self._end, self._paused,
+                                         self.hold_ups.total, self._waiting_for())
+
+    def _waiting_for(self) -> tuple:
+        """Return the names of the joints whose commands the next tick waits for, and since when, s."""
+        return (), 0.0

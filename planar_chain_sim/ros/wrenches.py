@@ -14,12 +14,13 @@ class WrenchReader:
     def __init__(self, body_names: Sequence[str]):
         self._names = tuple(body_names)
 
-    def read(self, data: bytes) -> dict:
+    def read(self, data: bytes) -> tuple[dict, str]:
         """
-        Return what a geometry_msgs/msg/WrenchStamped (CDR) does, as the change 'wrench' of CHANGES has it.
+        Return what a geometry_msgs/msg/WrenchStamped (CDR) does, as the change 'wrench' has it, and what has no effect.
 
         Its frame is a body's: x and y in the plane, the force at the body's joint point. Bearings take what is across
-        the plane. CommandError on malformed bytes, another frame or a value that is not finite.
+        the plane; the second value says so, or is ''. CommandError on malformed bytes, another frame, a value that is
+        not finite.
         """
         if len(data) > LONGEST_MESSAGE:
             raise CommandError('too long', f'it has {len(data)} bytes, must have at most {LONGEST_MESSAGE}')
@@ -33,4 +34,6 @@ class WrenchReader:
         for value in (*force, *torque):
             if not isfinite(value):
                 raise CommandError('not finite', f'its wrench on {frame_id} has the value {value}, must be finite')
-        return {'body': frame_id, 'force': list(force[:2]), 'moment': torque[2], 'axes': 'body'}
+        across = force[2] or torque[0] or torque[1]
+        return ({'body': frame_id, 'force': list(force[:2]), 'moment': torque[2], 'axes': 'body'},
+                'has a force along z or a torque about x or y, which the bearings take' if across else '')
