@@ -102,7 +102,7 @@ def test_the_chain_gives_defaults_and_only_what_was_given_is_returned(declared):
     _, node = declared('gravity:=[0,-5]', 'effort_limit:=[.inf, 3.0]')
     assert declare_chain_parameters(node, CHAIN) == {
         'gravity': [0.0, -5.0], 'effort_limit': [float('inf'), 3.0], 'lockstep_joints': JOINTS,
-        'payload_body': CHAIN.bodies[-1].name, 'payload_position': [0.0, 0.0]}
+        'commanded_joints': [], 'payload_body': CHAIN.bodies[-1].name, 'payload_position': [0.0, 0.0]}
     assert list(node.get_parameter('damping').value) == [joint.damping for joint in CHAIN.joints]
     assert list(node.get_parameter('gravity').value) == [0.0, -5.0]
 

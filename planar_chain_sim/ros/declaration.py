@@ -86,7 +86,14 @@ def declare(node, values: dict[str, Value], rows: dict[str, Row]) -> None:
     for name, value in values.items():
         if node.has_parameter(name):
             node.undeclare_parameter(name)
-        node.declare_parameter(name, value, _descriptor(rows[name]), ignore_override=True)
+        descriptor, kind = _descriptor(rows[name]), Parameter.Type[rows[name].type]
+        if value != []:
+            node.declare_parameter(name, value, descriptor, ignore_override=True)
+        else:   # of which rclpy would make a list of bytes
+            node.declare_parameter(name, [''], ignore_override=True)
+            node.set_parameters([Parameter(name, kind, value)])
+            descriptor.type = kind.value
+            node.set_descriptor(name, descriptor)
 
 
 def _converted(parameter: Parameter, chain) -> Parameter:
