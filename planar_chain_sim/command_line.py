@@ -63,6 +63,18 @@ class Parser(ArgumentParser):
         raise Mistake(f'{message} (see {self.prog} --help)')
 
 
+def add_hold(parser: Parser) -> None:
+    """Add `--hold`, for load_chain(..., hold=...)."""
+    parser.add_argument('--hold', action='append', metavar='JOINT[=VALUE]', help='weld this joint of the chain at '
+                        'this value, rad or m, or where it is at the start; may be given several times')
+
+
+def refuse_hold(options) -> None:
+    """Refuse `--hold` for a log, whose joints are those that it has; Mistake."""
+    if options.hold:
+        raise Mistake('--hold is of a chain file, but what is given is a log')
+
+
 def run_command(program: str, body: Callable[[Optional[Sequence[str]]], int],
                 arguments: Optional[Sequence[str]]) -> int:
     """

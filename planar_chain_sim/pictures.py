@@ -7,7 +7,7 @@ import numpy as np
 
 from .chain import BASE, Chain
 from .chain_yaml import load_chain
-from .command_line import Mistake, Parser, run_command
+from .command_line import add_hold, Mistake, Parser, refuse_hold, run_command
 from .path_matrix import motion_of_joints, path_matrix
 from .simulation import rollout, Run
 
@@ -113,14 +113,16 @@ def _picture(arguments) -> int:
                     f'{program} config/four_link_robot.yaml docs/four_link_robot.png')
     parser.add_argument('chain', help='chain file, or an MCAP log')
     parser.add_argument('output', help='PNG or SVG file')
+    add_hold(parser)
     parser.add_argument('--duration', type=float, default=12.0, metavar='S', help='simulated time, s; default 12')
     options = parser.parse_args(arguments)
     try:
         if options.chain.endswith('.mcap'):
+            refuse_hold(options)
             from .recording.log_reader import read_log
             draw_log(read_log(options.chain), options.output)
         else:
-            chain = load_chain(options.chain)
+            chain = load_chain(options.chain, options.hold)
             draw_motion(chain, rollout(chain, options.duration), options.output)
     except OSError as error:
         raise Mistake(f'{options.output!r}: {error.strerror}') from None

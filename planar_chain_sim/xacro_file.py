@@ -17,7 +17,7 @@ from .chain_section import clipped
 SECONDS = 20
 MAX_BYTES = 16 * 2**20
 MAX_MEMORY = 2**30
-USED = re.compile(rb'<xacro:|\$[{(]')   # of xacro; a namespace alone is what expanded files keep
+USED = re.compile(r'<xacro:|\$[{(]')   # of xacro; a namespace alone is what expanded files keep
 PROGRAM = """
 import resource, sys
 resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[2]),) * 2)
@@ -29,7 +29,7 @@ sys.stdout.write(xacro.process_file(sys.argv[1]).toprettyxml(indent='  '))
 
 def expanded(path, text: bytes, name: str) -> bytes:
     """Return the text of the file at `path` expanded, or as it is where nothing is to do or `xacro` is not there."""
-    if not USED.search(text) or find_spec('xacro') is None:
+    if not USED.search(text.decode('utf-8', 'replace')) or find_spec('xacro') is None:
         return text
     wanted = 'must be one that `xacro FILE` expands'
     try:

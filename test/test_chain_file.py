@@ -24,7 +24,8 @@ THE_SAME = 'it moves no mass, beyond rounding, that the other joints do not move
 MISTAKES = [
     ('name: two_rods', 'name: 12', 1, "key 'name' is 12, must be a text (in quotes if it looks like a number)"),
     ('name: two_rods', 'title: a', 1, "key 'title' is unknown, must be one of name, gravity, bodies, hold"),
-    ('bodies:', 'bodeis:', 3, "key 'bodeis' is unknown (did you mean 'bodies'?), must be one of name, gravity, bodies, hold"),
+    ('bodies:', 'bodeis:', 3,
+     "key 'bodeis' is unknown (did you mean 'bodies'?), must be one of name, gravity, bodies, hold"),
     ('[0, -9.81]', '9.81', 2, "key 'gravity' is 9.81, must be a list of two finite numbers [x, y] (m/s^2)"),
     ('[0, -9.81]', '[0, 1, 2]', 2, "key 'gravity' is [0, 1, 2], must be a list of two finite numbers [x, y] (m/s^2)"),
     ('[0, -9.81]', '[.nan, 1]', 2, "key 'gravity' is [nan, 1], must be a list of two finite numbers [x, y] (m/s^2)"),

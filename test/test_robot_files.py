@@ -225,3 +225,114 @@ def test_macros_that_were_not_expanded(changes, said):
     assert said in sentence and 'must be expanded first: xacro FILE > robot.urdf' in sentence
     prefixed = arm(more='<x:arm/>').replace('<robot', '<robot xmlns:x="http://www.ros.org/wiki/xacro"')
     assert 'the element x:arm of xacro' in refusal(prefixed)
+
+
+def welded(text: str, joint: str) -> str:
+    """Return the URDF with a joint fixed where it reads 0."""
+    head, tail = text.split(f'<joint name="{joint}"')
+    return head + f'<joint name="{joint}" type="fixed"' + tail.split('"', 2)[2]
+
+
+YAWING = arm(axis='0 0 1', kind='revolute', in_e='<limit lower="-2" upper="2" effort="9" velocity="0"/>',
+             more='<link name="c"><inertial><origin xyz="0.1 0 -0.2"/><mass value="0.5"/>' + POINT.format(0.01) +
+                  '</link><joint name="w" type="continuous"><parent link="b"/><child link="c"/><origin xyz="0 0 -0.6"/>'
+                  '<axis xyz="0 1 0"/></joint>')
+
+
+def test_a_joint_that_leaves_the_plane_of_the_others_is_named_and_can_be_held():
+    assert ("joint 's' turns about another direction than 'e', 'w': the robot is not planar, must be held there to "
+            "make it so (hold 's')") in refusal(YAWING)
+    chain, note, _ = load(YAWING, ['s'])
+    assert chain.joint_names == ('e', 'w') and "held: 's' at 0" in note
+    agrees(YAWING, chain, 0, held=welded(YAWING, 's'))
+    turned, note, _ = load(YAWING, {'s': 0.7})   # turns the plane about gravity
+    assert "held: 's' at 0.7" in note and 'x along (0.765, 0.644, 0)' in note
+    np.testing.assert_allclose(pcs.forward_dynamics(turned, *STATE), pcs.forward_dynamics(chain, *STATE), rtol=1e-12)
+    assert chain_from_text(chain.source) == chain and load(YAWING, 's=0.7')[0] == turned
+
+
+def test_held_joints_of_random_robots():
+    """Twin: any joint held at a value, against the text in which its origin has moved by that, fixed."""
+    for seed in range(60):
+        text = random_robot(seed, lengthwise=0.3 if seed % 2 else 0.0)
+        names = [f'j{k}' for k in range(1, 8) if f'name="j{k}"' in text and f'name="j{k}" type="fixed"' not in text]
+        if len(names) > 1:
+            name = names[seed % len(names)]
+            try:
+                chain = chain_from_text(text, 'r.urdf', {name: 0.0})
+            except pcs.ChainError as error:
+                assert 'preload' in str(error) or 'no joint that moves' in str(error)
+                continue
+            agrees(text, chain, seed, held=welded(text, name))
+
+
+def test_what_mimics_a_held_joint_is_held_with_it():
+    mimicking = arm(in_e='<mimic joint="s" multiplier="-0.5" offset="0.1"/>',
+                    more='<link name="c"><inertial><mass value="1"/>' + POINT.format(0.1) + '</link>'
+                         '<joint name="w" type="continuous"><parent link="b"/><child link="c"/><axis xyz="0 1 0"/>'
+                         '</joint>')
+    assert "joint 'e' mimics 's'" in refusal(mimicking)
+    chain, note, _ = load(mimicking, {'s': 0.4})
+    assert "held: 's' at 0.4, 'e' at -0.1" in note and chain.joint_names == ('w',)
+    assert load(mimicking, {'e': None})[0].joint_names == ('s', 'w')
+
+
+@pytest.mark.parametrize('hold, said', [
+    (['S_'], "hold names 'S_', of which the robot has none (did you mean 's'?), must name its joints"),
+    (['e=3'], "hold gives 3.0 to joint 'e', must lie between its limits, -2.0 and 2.0"),
+    (['e=x'], "hold 'e=x' has no number after '=', must be JOINT=VALUE (rad or m)"),
+    ({'e': float('nan')}, "hold has nan for 'e', must be a finite number"),
+    ({'e': True}, "hold has true for 'e', must be a finite number"),
+    (3, 'hold is 3, must be a joint, a list of joints or a mapping'),
+    (['s', 'e', 'w'], 'has no joint that moves'),
+])
+def test_what_cannot_be_held(hold, said):
+    assert said in refusal(YAWING, hold)
+
+
+def test_floating_bases_are_held_where_they_are():
+    text = arm(more='<link name="w"/><joint name="root" type="floating"><parent link="w"/><child link="stand"/>'
+                    '</joint>')
+    assert "joint 'root' is of type 'floating'" in refusal(text)
+    np.testing.assert_allclose(pcs.forward_dynamics(load(text, 'root')[0], *STATE), ACCELERATION, rtol=0, atol=1e-9)
+    assert "of type 'floating', must be held without a value" in refusal(text, {'root': 1.0})
+
+
+def test_joints_of_a_yaml_chain_are_held():
+    """A slide and a rotation, in a file, by a call and by a key; twin: the joint led there and stopped dead."""
+    chain = pcs.load_chain('four_link_robot.yaml')
+    held = pcs.load_chain('four_link_robot.yaml', hold={'column_slide': 0.3, 'forearm_joint': -0.4})
+    kept = [k for k, name in enumerate(chain.joint_names) if name in held.joint_names]
+    assert len(kept) == chain.joint_count - 2 and chain_from_text(held.source) == held
+    position = np.zeros(chain.joint_count)
+    position[kept] = 0.2, -0.3, 0.4
+    for name, value in (('column_slide', 0.3), ('forearm_joint', -0.4)):
+        position[chain.joint_names.index(name)] = value
+    np.testing.assert_allclose(pcs.mass_matrix(held, position[kept]),
+                               pcs.mass_matrix(chain, position)[np.ix_(kept, kept)], rtol=0, atol=1e-13)
+    still = np.zeros(chain.joint_count)
+    np.testing.assert_allclose(pcs.inverse_dynamics(held, position[kept], still[kept], still[kept]),
+                               pcs.inverse_dynamics(chain, position, still, still)[kept], rtol=0, atol=1e-12)
+    again = pcs.load_chain('four_link_robot.yaml', hold=['column_slide'])
+    assert again.bodies[0].origin == chain.bodies[0].origin + chain.joints[0].position * np.exp(1j * pi / 2)
+    for hold, said in ((['colum_slide'], "hold names 'colum_slide', no joint of this chain (did you mean 'column_slid"),
+                       (chain.joint_names, 'hold names all joints of the chain, must leave one that moves')):
+        with pytest.raises(pcs.ChainError, match=r'four_link_robot.yaml: .*must') as caught:
+            pcs.load_chain('four_link_robot.yaml', hold=hold)
+        assert said in str(caught.value)
+
+
+@pytest.mark.filterwarnings('always')
+def test_executables_tell_of_the_file_and_hold_joints(tmp_path, capsys):
+    from planar_chain_sim.recording import resimulation, rollout
+    from planar_chain_sim.symbolic import command_line as equations
+    robot, log = tmp_path / 'robot.urdf', tmp_path / 'run.mcap'
+    robot.write_text(YAWING)
+    assert rollout.main([str(robot), '--duration', '0.1', '--output', str(log)]) == 2
+    assert capsys.readouterr().err.count('\n') == 1 and not log.exists()
+    assert rollout.main([str(robot), '--hold', 's=0.7', '--duration', '0.1', '--output', str(log)]) == 0
+    told = capsys.readouterr().err
+    assert f"rollout: note: {robot}: joints 'e', 'w'; plane with x along" in told and "held: 's' at 0.7" in told
+    assert resimulation.main([str(log)]) == 0
+    assert equations.main([str(robot), '--hold', 's', '--joint']) == 0
+    assert equations.main([str(log), '--hold', 's']) == 2 and '--hold is of a chain file' in capsys.readouterr().err

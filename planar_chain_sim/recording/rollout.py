@@ -18,7 +18,7 @@ from .run_settings import settings_of
 from ..chain import ChainError
 from ..chain_section import clipped
 from ..chain_yaml import load_chain
-from ..command_line import Mistake, Parser, run_command
+from ..command_line import add_hold, Mistake, Parser, run_command
 from ..dynamics import Interrupted, SimulationError
 from ..integrators import METHODS
 from ..simulation import initial_state, JointEvent, Simulation, whole_ticks
@@ -121,6 +121,7 @@ def _parser() -> Parser:
     parser = Parser('rollout', 'Simulate a chain with no ROS graph, as fast as the machine goes, into an MCAP log.',
                     'rollout config/four_link_robot.yaml --duration 20 --output swing.mcap')
     parser.add_argument('chain', help="chain file; relative to the working directory, else to the package's config")
+    add_hold(parser)
     parser.add_argument('--output', metavar='LOG',
                         help="new MCAP file; default: the chain file's name with .mcap, here")
     parser.add_argument('--duration', type=float, metavar='S',
@@ -144,7 +145,7 @@ def _parser() -> Parser:
 
 def _rollout_to_file(arguments) -> int:
     options = _parser().parse_args(arguments)
-    chain = load_chain(options.chain)
+    chain = load_chain(options.chain, options.hold)
     simulation = _simulation(options, chain)
     effort = None if options.effort is None else read_efforts(options.effort, chain)
     ticks, effort = _ticks(options, simulation.step, effort)

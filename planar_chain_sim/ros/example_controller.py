@@ -78,12 +78,13 @@ def controller_of(node):
     from .parameters import Row
     from ..chain_yaml import load_chain
     rows = (Row('chain_file', 'four_link_robot.yaml', 'Chain file that the simulator has.'),
+            Row('hold', [], 'Joints of it that are welded, as the simulator has it.'),
             Row('amplitude', 0.5, 'Swing of a rotation, rad; a slide swings a fifth of it, m.', (-100.0, 100.0)),
             Row('period', 4.0, 'Period of the swing, s.', (0.01, 1e4)),
             Row('bandwidth', 15.0, 'How fast errors vanish, rad/s.', (0.01, 1e4)))
     values = given_values(node, rows)
     declare(node, values, {row.name: row for row in rows})
-    chain = load_chain(values.pop('chain_file'))
+    chain = load_chain(values.pop('chain_file'), values.pop('hold'))
     return ComputedTorque(chain, **values), chain
 
 

@@ -52,18 +52,20 @@ def simulate(own_arguments, ros_arguments, stop) -> None:
 
 
 def parse(arguments) -> dict:
-    """Return the parameter that the command line gives besides those of ROS; Mistake on what is no argument."""
-    from ..command_line import Parser
+    """Return the parameters that the command line gives besides those of ROS; Mistake on what is no argument."""
+    from ..command_line import add_hold, Parser
     parser = Parser('simulator', DESCRIPTION, EXAMPLE)
     parser.add_argument('chain', nargs='?', help='chain file, YAML or URDF: the parameter chain_file')
+    add_hold(parser)
     if not {'-h', '--help'}.isdisjoint(arguments):
         from .parameters import parameter_table
         parser.print_help()
         print('\nparameters, as in `--ros-args -p rate:=500.0`; live: can be set while the node runs\n')
         print(parameter_table(width=min(get_terminal_size().columns, 120)))
         raise SystemExit(0)
-    chain = parser.parse_args(arguments).chain
-    return {} if chain is None else {'chain_file': chain}
+    options = parser.parse_args(arguments)
+    told = {'chain_file': options.chain, 'hold': options.hold}
+    return {name: value for name, value in told.items() if value is not None}
 
 
 def tell(node, message, category) -> None:
@@ -188,14 +190,16 @@ def load(node, values, stop):
     from ..chain import ChainError
     from ..chain_yaml import chain_from_text, find_chain_file, load_chain
     from ..command_line import Mistake
+    from ..xacro_file import USED
+    from ..xml_elements import root_tag
     try:
         if values['chain_file'] == ON_TOPIC:
             from .description import await_description
             text = await_description(node, stop)
-            return (None, None) if text is None else (chain_from_text(text, ON_TOPIC), text)
-        chain = load_chain(values['chain_file'])
+            return (None, None) if text is None else (chain_from_text(text, ON_TOPIC, values['hold']), text)
+        chain = load_chain(values['chain_file'], values['hold'])
         text = find_chain_file(values['chain_file']).read_text('utf-8-sig')
-        return chain, text if text.lstrip().startswith('<') else None
+        return chain, text if root_tag(text) == 'robot' and not values['hold'] and not USED.search(text) else None
     except ChainError as error:
         raise Mistake(str(error)) from None
 

@@ -17,7 +17,7 @@ from ..quantities import changed_chain, QUANTITIES
 
 Value = Union[bool, float, str, list]
 NUMBERS, TEXTS = 'DOUBLE_ARRAY', 'STRING_ARRAY'   # types are named as in rclpy.parameter.Parameter.Type
-TYPES = {bool: 'BOOL', float: 'DOUBLE', str: 'STRING'}
+TYPES = {bool: 'BOOL', float: 'DOUBLE', str: 'STRING', list: TEXTS}
 WANTED = {'BOOL': 'true or false', 'DOUBLE': 'a number', 'STRING': 'a text', NUMBERS: 'a list of numbers',
           TEXTS: 'a list of texts'}
 TINY = re.compile(r'[-+]?\d+\.?\d*[eE][-+]?\d+')   # beyond 1e-308 and 1e308 ROS takes a number for a text
@@ -58,6 +58,7 @@ PARAMETERS = (
     Row('chain_file', 'four_link_robot.yaml',
         'Chain to simulate (YAML, or URDF of a planar robot); a relative path is looked for in the working directory, '
         "then in the package; 'robot_description' waits for the URDF on that topic."),
+    Row('hold', [], "Joints of it that are welded: 'joint' where it is at the start, 'joint=value' there (rad or m)."),
     Row('method', 'auto', "Integration method, or 'auto'.", choices=('auto', *METHODS)),
     Row('rate', 1000.0, 'Ticks per simulated second: commands act and states are logged by ticks.', (1.0, 1e5),
         unit='Hz'),
@@ -117,7 +118,9 @@ def checked(row: Row, value) -> Value:
     """Return the value as the row's type has it, an integer as the number it is; Mistake: it cannot be."""
     if row.type == 'DOUBLE' and (type(value) is int or isinstance(value, str) and TINY.fullmatch(value)):
         value = _number(row, value)
-    if row.of_chain and isinstance(value, (list, tuple, array)):
+    if type(row.default) is list and (value is None or type(value) is str):   # ROS gives an empty list no type
+        value = [value] if value else []
+    if row.type in (NUMBERS, TEXTS) and isinstance(value, (list, tuple, array)):
         kinds = {type(item) for item in value}
         if row.type == NUMBERS and kinds <= {int, float}:
             values = [_number(row, item) for item in value]

@@ -15,7 +15,7 @@ from .text_document import text_document
 from ..chain import Chain
 from ..chain_section import clipped
 from ..chain_yaml import load_chain
-from ..command_line import Mistake, Parser, run_command
+from ..command_line import add_hold, Mistake, Parser, refuse_hold, run_command
 
 FORMATS = {'text': text_document, 'latex': latex_document, 'json': json_document}
 PICTURES = ('.png', '.svg')
@@ -36,6 +36,7 @@ def _parser() -> Parser:
         '  equations config/double_pendulum.yaml --joint --state 0.5,-0.2/1.0,0/0,0.3 --coordinate upper_joint')
     parser.add_argument('chain', metavar='CHAIN', help='chain file; relative to the working directory, else to the '
                         "package's config; or a log (.mcap), which holds its chain")
+    add_hold(parser)
     parser.add_argument('--format', default='text', choices=list(FORMATS), help='default text')
     parser.add_argument('--joint', action='store_true', help='in joint coordinates; default: in absolute angles')
     parser.add_argument('--trigonometric', action='store_true', help='sines and cosines instead of scalar products')
@@ -87,6 +88,7 @@ def _choose(made: Equations, name: str):
 def _chain_and_state(options) -> tuple[Chain, Optional[tuple], str]:
     """Return the chain, the state wanted (position, velocity, effort), None for none, and how to call the state."""
     if options.chain.endswith('.mcap'):
+        refuse_hold(options)
         from ..recording.log_reader import read_log
         from ..recording.run_settings import simulation_of
         from .logged_state import state_at
@@ -97,7 +99,7 @@ def _chain_and_state(options) -> tuple[Chain, Optional[tuple], str]:
             time, *state = state_at(log, simulation, options.time)
             return simulation.chain, tuple(state), f'at t = {time:g} s of {Path(options.chain).name}'
     else:
-        chain = load_chain(options.chain)
+        chain = load_chain(options.chain, options.hold)
         if options.time is not None:
             raise Mistake(f'--time is of a log, but {clipped(options.chain)!r} does not end in .mcap')
     if options.state is None:
