@@ -1,13 +1,28 @@
 """The table of parameters against what ROS makes of a command line; each node here is a real one."""
+import gc
+import json
+from math import inf, nan
+from queue import SimpleQueue
+import random
+import re
+import sys
+from threading import Timer
+import warnings
+
+from live import CONFIG, Peer, Process, run, simulator
 import pytest
 import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
-from planar_chain_sim import load_chain
+from planar_chain_sim import load_chain, rollout
 from planar_chain_sim.command_line import Mistake
+from planar_chain_sim.recording.cdr import decode_joint_state, decode_string
+from planar_chain_sim.recording.log_reader import read_log
+from planar_chain_sim.ros.arguments import unheard
 from planar_chain_sim.ros.declaration import declare_chain_parameters, declare_parameters, let_set
+from planar_chain_sim.ros.node import simulate
 from planar_chain_sim.ros.parameters import PARAMETERS
 
 
@@ -153,3 +168,294 @@ def test_what_the_simulator_refuses_is_not_set(declared):
     outcome, = node.set_parameters([Parameter('command_timeout', value=1.0)])
     assert not outcome.successful and outcome.reason == 'no'
     assert node.get_parameter('command_timeout').value == 0.0
+
+
+# What each parameter is at its extremes; a family takes some of them at a time.
+NUMBERS_OF_A_LIST = ['0.0', '-0.0', '5e-300', '1e-12', '1e-3', '1.0', '1e6', '1e9', '1e200', '1e308', '-1e308', '.nan',
+                     '.inf', '-.inf', '-1.0']
+EXTREMES = {
+    'DOUBLE': [*NUMBERS_OF_A_LIST, '1e-310', '5e-324', '1e400', '1e-6', '999.99', '1e5', '0', '7',
+               '9223372036854775807'],
+    'BOOL': ['true', 'false'],
+    'STRING': ["''", 'x' * 300, 'é', 'a b', '/', '..', '"\\0"', '"a\\nb"', 'rk4', 'gauss6', 'double_pendulum.yaml'],
+    'STRING_ARRAY': ['[]', '[column_slide]', '[column_slide, column_slide]', "['']", '[x]']}
+
+
+def extreme(row, rng):
+    """Return a value for a row as it stands in YAML: mostly of its type, at the ends of what can be written."""
+    if rng.random() < 0.05:
+        return rng.choice(['[]', '[true]', '[1, 2]', 'a', '1', 'true', '1.5', '[[1]]'])
+    if row.type == 'DOUBLE_ARRAY':
+        return '[' + ', '.join(rng.choice(NUMBERS_OF_A_LIST) for _ in range(rng.choice([0, 1, 2, 2, 2, 5, 5]))) + ']'
+    if row.choices and rng.random() < 0.8:
+        return rng.choice(row.choices)
+    return rng.choice(EXTREMES[row.type])
+
+
+@pytest.fixture
+def started(monkeypatch):
+    """Return a function that runs the executable's own body for a moment; what it changes in Python is put back."""
+    monkeypatch.setattr(warnings, 'showwarning', warnings.showwarning)
+    interval = sys.getswitchinterval()
+
+    def start(*arguments):
+        stop = SimpleQueue()
+        timer = Timer(0.15, stop.put, (None,))
+        timer.start()
+        try:
+            simulate([], ['--ros-args', *arguments], stop)
+        finally:
+            timer.cancel()
+            gc.enable()
+            gc.unfreeze()
+    yield start
+    sys.setswitchinterval(interval)
+
+
+@pytest.mark.parametrize('by_file', [False, True])
+@pytest.mark.parametrize('family', range(4))
+def test_every_parameter_at_its_extremes_starts_or_is_one_sentence(started, family, by_file, tmp_path, capfd):
+    rng, ran = random.Random(f'{family} {by_file}'), 0
+    for case in range(50):
+        rows = rng.sample([row for row in PARAMETERS if row.name != 'record'], rng.choice([1, 1, 2, 3]))
+        given = {row.name: extreme(row, rng) for row in rows}
+        if rng.random() < 0.3:
+            given['record'] = str(tmp_path / f'{case}.mcap')
+        arguments = [part for name, value in given.items() for part in ('-p', f'{name}:={value}')]
+        if by_file:
+            text = ''.join(f'    {name}: {value}\n' for name, value in given.items())
+            (tmp_path / 'parameters.yaml').write_text(f'/**:\n  ros__parameters:\n{text}')
+            arguments = ['--params-file', str(tmp_path / 'parameters.yaml')]
+        try:
+            started(*arguments)
+            ran += 1
+        except Mistake as mistake:   # whatever else is raised is a bug
+            assert '\n' not in str(mistake) and '.c:' not in str(mistake), given
+    assert ran > 3, 'a family that is always refused shows nothing'
+    assert 'Traceback' not in capfd.readouterr().err
+
+
+@pytest.mark.parametrize('family', range(2))
+def test_every_parameter_at_its_extremes_while_it_runs(family, tmp_path):
+    """Whatever is set, the answer is one sentence, what is read back is what acts, and the log runs again."""
+    numbers = [0.0, -0.0, 5e-324, 1e-310, 1e-12, 1e-6, 0.5, 1e3, 1e9, 1e200, 1e308, -1.0, -1e308, nan, inf, -inf]
+    others = [0, 7, 2**62, 'a', '', True]
+    rng, path, taken = random.Random(family), tmp_path / 'run.mcap', 0
+    with simulator(record=path) as process, Peer() as peer:
+        peer.meet()
+        for _ in range(150):
+            values = {}
+            rows = PARAMETERS if rng.random() < 0.2 else [row for row in PARAMETERS if row.live]
+            for row in rng.sample(rows, rng.choice([1, 1, 2, 3])):
+                if row.type == 'DOUBLE_ARRAY':
+                    count = 2 if row.name == 'gravity' else rng.choice([1, 5, 5])
+                    values[row.name] = [rng.choice(numbers) for _ in range(count)]
+                else:
+                    values[row.name] = rng.choice([*numbers, *others, *row.choices])
+            peer.until(peer.parameters.services_are_ready)
+            before = peer.ask(peer.parameters.get_parameters(list(values))).values
+            answer = peer.ask(peer.parameters.set_parameters_atomically(
+                [Parameter(name, value=value) for name, value in values.items()])).result
+            after = peer.ask(peer.parameters.get_parameters(list(values))).values
+            assert '\n' not in answer.reason and bool(answer.reason) != answer.successful
+            if answer.successful:
+                taken += 1
+            else:
+                assert repr(after) == repr(before), values
+            if rng.random() < 0.2:
+                peer.call('pause', True)
+                peer.call('step')
+                peer.call('pause', False)
+        assert taken > 10
+        assert peer.set(real_time_factor=1.0)[0][0] and peer.call('reset')[0]
+        peer.new_state()
+        assert process.stop() == 0, process.output
+    assert 'Traceback' not in process.output
+    code, words = run('planar_chain_sim.recording.resimulation', path)
+    assert code == 0, words
+
+
+# A payload of 1e9 kg at its tip has no finite moment of inertia, of 1 kg it has.
+FAR = """
+name: far
+bodies:
+  - {name: arm, carrier: base, mass: 1.0, center_of_mass: [0.5, 0.0], inertia: 0.4, rotation: {joint: shoulder}}
+  - {name: tip, carrier: arm, origin: [1.0e150, 0.0], mass: 0.0, inertia: 0.0}
+"""
+
+
+def set_together(peer, **values):
+    peer.until(peer.parameters.services_are_ready)
+    return peer.ask(peer.parameters.set_parameters_atomically(
+        [Parameter(name, value=value) for name, value in values.items()])).result
+
+
+def read_back(peer, name):
+    return peer.ask(peer.parameters.get_parameters([name])).values[0]
+
+
+def test_a_set_of_parameters_of_which_one_cannot_act_changes_nothing(tmp_path):
+    (tmp_path / 'far.yaml').write_text(FAR)
+    path = tmp_path / 'run.mcap'
+    with simulator(chain_file=tmp_path / 'far.yaml', record=path) as process, Peer() as peer:
+        peer.meet()
+        peer.new_state()
+        answer = set_together(peer, gravity=[0.0, -1.0], payload_mass=1e9, real_time_factor=0.5)
+        assert not answer.successful and answer.reason.startswith("parameter 'payload_mass': body 'payload' of far")
+        assert list(read_back(peer, 'gravity').double_array_value) == [0.0, -9.81]
+        assert read_back(peer, 'payload_mass').double_value == 0.0
+        assert read_back(peer, 'real_time_factor').double_value == 1.0
+        peer.new_state()
+        assert process.stop() == 0, process.output
+    log = read_log(path)
+    events = [json.loads(decode_string(message.data)) for message in log.messages if 'events' in message.topic]
+    assert [event for event in events if event['kind'] in ('parameter', 'payload')] == []
+    states = [decode_joint_state(message.data) for message in log.messages if message.topic == '/joint_states']
+    ticks = len(states) - 1
+    alone = rollout(load_chain(tmp_path / 'far.yaml'), ticks * 1e-3)   # with the gravity of the file, all along
+    assert states[-1].position.tobytes() == alone.position[-1].tobytes()
+
+
+def test_parameters_that_are_set_together_act_from_one_tick_on(tmp_path):
+    """Many times, as two ticks would differ only now and then."""
+    path = tmp_path / 'run.mcap'
+    with simulator(chain_file='double_pendulum.yaml', rate=5000, publish_rate=500, record=path) as process, \
+            Peer() as peer:
+        peer.meet()
+        for k in range(20):
+            answer = set_together(peer, gravity=[0.0, -float(k)], damping=[0.1, 0.01 * k], effort_limit=[1.0 + k, inf],
+                                  payload_mass=0.1 * k, command_timeout=0.5)
+            assert answer.successful, answer.reason
+        assert process.stop() == 0, process.output
+    events = [json.loads(decode_string(message.data)) for message in read_log(path).messages
+              if 'events' in message.topic]
+    ticks = [event['tick'] for event in events if event['kind'] in ('parameter', 'payload')]
+    assert len(ticks) == 100 and all(len(set(ticks[k:k + 5])) == 1 for k in range(0, 100, 5))
+    assert len(set(ticks)) == 20
+    code, words = run('planar_chain_sim.recording.resimulation', path)
+    assert code == 0, words
+
+
+def test_a_body_may_be_called_payload(tmp_path):
+    text = (CONFIG / 'double_pendulum.yaml').read_text()
+    last = CHAIN.bodies[-1].name
+    assert text.count(last)
+    chain, path = tmp_path / 'named.yaml', tmp_path / 'run.mcap'
+    chain.write_text(re.sub(rf'\b{last}\b', 'payload', text))
+    with simulator(chain_file=chain, payload_mass=0.5, record=path) as process, Peer() as peer:
+        peer.meet()
+        assert peer.set(payload_mass=0.7) == [(True, '')]
+        assert peer.set(payload_mass=0.0) == [(True, '')]
+        assert process.stop() == 0, process.output
+    code, words = run('planar_chain_sim.recording.resimulation', path)
+    assert code == 0, words
+
+
+@pytest.mark.parametrize('factor', [1e-6, 1e-3])
+def test_paused_the_state_comes_at_wall_pace_whatever_the_factor(factor):
+    with simulator(start_paused=True, real_time_factor=factor) as process, Peer() as peer:
+        peer.until(lambda: len(peer.states) > 100)   # at the pace of the factor this took minutes or days
+        assert process.stop() == 0
+
+
+def test_a_step_of_days_brings_stamps_to_the_end_of_ros_time_and_no_further():
+    """At 1 Hz and 1e-6 a tick takes 11.6 days; after 9 years and more of them ROS time ends, in 2038."""
+    with simulator(rate=1, real_time_factor=1e-6, start_paused=True) as process, Peer() as peer:
+        peer.meet()
+        for _ in range(400):
+            assert peer.call('step')[0]
+        last = peer.standing_state()
+        assert (last.header.stamp.sec, last.header.stamp.nanosec) == (2**31 - 1, 999_999_999)
+        assert process.stop() == 0
+    assert 'Traceback' not in process.output
+
+
+SLOW = """
+name: slow
+bodies:
+""" + ''.join(
+    f'  - {{name: l{k}, carrier: {f"l{k - 1}" if k else "base"}, origin: [{0.1 if k else 0.0}, 0.0], mass: 1.0, '
+    f'center_of_mass: [0.05, 0.0], inertia_com: 0.001, rotation: {{joint: j{k}, position: {0.3 if k % 2 else -0.2}, '
+    'damping: 0.001}}\n' for k in range(80))
+
+
+def test_what_takes_longer_than_its_time_out_is_still_under_way_and_told_afterwards(tmp_path):
+    """A tick of a second of 80 joints takes many seconds."""
+    (tmp_path / 'slow.yaml').write_text(SLOW)
+    with simulator(chain_file=tmp_path / 'slow.yaml', method='rodas5p', rate=1.0, tolerance=1e-11) as process, \
+            Peer() as peer:
+        peer.meet()
+        success, reason = peer.set(gravity=[0.0, -1.0])[0]
+        while success:   # until it falls into a tick
+            success, reason = peer.set(gravity=[0.0, -1.0])[0]
+        assert reason == 'not done: the simulation is in a tick that takes longer than 2 s'
+        answer = next(filter(lambda answer: not answer[0], (peer.call('reset') for _ in range(10_000))))
+        assert answer[1].startswith('still under way after 2 s'), answer
+        process.wait_for('reset of a while ago: initial state and zero efforts from tick')
+        peer.until(lambda: any('"reset"' in event.data for event in peer.events))
+        assert process.stop() == 0, process.output
+
+
+def files(tmp_path, text):
+    (tmp_path / 'parameters.yaml').write_text(text)
+    return ['--params-file', str(tmp_path / 'parameters.yaml')]
+
+
+def test_empty_lists_stand_for_the_default_wherever_they_are_given(tmp_path):
+    text = '/**:\n  ros__parameters:\n    lockstep_joints: []\n    gravity: []\n    damping: []\n'
+    path = tmp_path / 'run.mcap'
+    with Process('planar_chain_sim.ros.node', '--ros-args', *files(tmp_path, text), '-p', 'effort_limit:=[]', '-p',
+                 f'record:={path}') as process, Peer() as peer:
+        process.wait_for('running')
+        peer.meet()
+        assert list(read_back(peer, 'gravity').double_array_value) == [0.0, -9.81]
+        assert list(read_back(peer, 'lockstep_joints').string_array_value) == list(
+            load_chain('four_link_robot.yaml').joint_names)
+        assert peer.set(gravity=[1.0, -1.0])[0][0]
+        empty = Parameter('gravity', Parameter.Type.DOUBLE_ARRAY, [])
+        assert peer.ask(peer.parameters.set_parameters([empty])).results[0].successful
+        assert list(read_back(peer, 'gravity').double_array_value) == [0.0, -9.81]
+        assert process.stop() == 0, process.output
+
+
+@pytest.mark.parametrize('heading, remapping, heard', [
+    ('simulator', (), True), ('/simulator', (), True), ('/**', (), True), ('/*', (), True),
+    ('sim', (), False), ('simulator', ('-r', '__ns:=/arm'), False), ('/arm/simulator', ('-r', '__ns:=/arm'), True),
+    ('/*/simulator', ('-r', '__ns:=/arm'), True), ('/arm/*', ('-r', '__ns:=/arm'), True),
+    ('/**/simulator', ('-r', '__ns:=/arm'), True), ('simulator', ('-r', '__node:=left'), False),
+    ('left', ('-r', '__node:=left'), True)])
+def test_a_parameter_file_for_another_node_is_told_and_no_other(context, heading, remapping, heard, tmp_path):
+    arguments = ['--ros-args', *files(tmp_path, f'{heading}:\n  ros__parameters:\n    rate: 500.0\n'), *remapping]
+    node = Node('simulator', context=context, cli_args=arguments, start_parameter_services=False)
+    name = node.get_fully_qualified_name()
+    try:
+        told = list(unheard(arguments, name))
+        assert declare_parameters(node)['rate'] == (500.0 if heard else 1000.0), 'as ROS itself takes it'
+    finally:
+        node.destroy_node()
+    assert bool(told) != heard
+    if told:
+        assert f"head it '{name}:' or '/**:'" in told[0]
+
+
+def test_the_node_itself_tells_of_a_file_for_another(tmp_path):
+    text = 'simulator:\n  ros__parameters:\n    rate: 500.0\n'
+    with Process('planar_chain_sim.ros.node', '--ros-args', *files(tmp_path, text), '-r', '__ns:=/arm', '-p',
+                 'sim:rate:=5.0') as process:
+        assert "nothing for this node, /arm/simulator, but for /simulator: head it '/arm/simulator:'" in (
+            process.wait_for('parameter file'))
+        assert "for a node 'sim', this is /arm/simulator" in process.wait_for("'sim:rate:=5.0'")
+        process.wait_for('running')
+        assert process.stop() == 0
+
+
+@pytest.mark.parametrize('text, correct', [
+    ('[0, -1.62]', '[0.0, -1.62]'), ('[-1.62, 0]', '[-1.62, 0.0]'), ('[1, .inf]', '[1.0, .inf]')])
+def test_whole_numbers_beside_decimals_are_explained(text, correct, tmp_path):
+    code, words = run('planar_chain_sim.ros.node', '--ros-args', '-p', f'gravity:={text}')
+    assert (code, words) == (2, "simulator: parameter 'gravity' mixes whole numbers and decimals in a list, which ROS "
+                             f"refuses: write -p gravity:='{correct}'")
+    path = files(tmp_path, f'/**:\n  ros__parameters:\n    gravity: {text}\n')
+    code, words = run('planar_chain_sim.ros.node', '--ros-args', *path)
+    assert (code, words) == (2, f"simulator: parameter file '{path[1]}' line 3: 'gravity' mixes whole numbers and "
+                             f'decimals in a list, which ROS refuses: write {correct}')

@@ -16,7 +16,7 @@ from ..command_line import Mistake
 
 LOADER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
 WITH_VALUE = ('-p', '--param', '-r', '--remap', '--params-file', '--log-level')
-INTEGER = re.compile(r'[-+]?(\d+|0x[0-9a-fA-F]+)')
+INTEGER = re.compile(r'[-+]?\d+')
 DECIMAL = re.compile(r'[-+]?((\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|\.(inf|Inf|INF)|\.(nan|NaN|NAN))')
 NODE_RULE = re.compile(r'([A-Za-z_]\w*):[A-Za-z_][\w.]*:=.*', re.DOTALL)
 

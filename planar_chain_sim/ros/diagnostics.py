@@ -6,6 +6,8 @@ from time import time_ns
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
+from .pacing import LAST_STAMP
+
 PERIOD = 1.0  # s
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
@@ -34,7 +36,7 @@ class Diagnostics:
         else:
             statuses = [self._status('simulation', ERROR, measured, {})]
         message = DiagnosticArray(status=statuses)
-        message.header.stamp = Time(sec=(now := time_ns()) // 10**9, nanosec=now % 10**9)
+        message.header.stamp = Time(sec=(now := min(time_ns(), LAST_STAMP)) // 10**9, nanosec=now % 10**9)
         self._simulator.hold_ups.publish(self._publisher.publish, message)
 
     def _status(self, part: str, level: bytes, sentence: str, values: dict) -> DiagnosticStatus:

@@ -8,6 +8,7 @@ import sys
 from typing import Optional
 
 LONGEST_LATENESS = 100_000_000  # ns; ticks that are later than this are not caught up with, the time is dropped
+LAST_STAMP = 2**31 * 10**9 - 1  # ns; ROS counts no further, which is in January 2038 since the epoch
 TIME_SLICE = 100_000  # ns, the shortest that Linux gives: who asks for less at a time gets it sooner
 SCHED_SETATTR = {'x86_64': 314, 'aarch64': 274}  # machine -> number of the system call, for which glibc has no function
 
@@ -69,7 +70,8 @@ class Pacing:
 
     def stamp(self, tick: int) -> int:
         """Return the time of the state at `tick`, since the epoch or simulated: it never goes back."""
-        return simulated_time(tick, self._step) if self._step else self.due(tick) + self.stamp_minus_due
+        time = simulated_time(tick, self._step) if self._step else self.due(tick) + self.stamp_minus_due
+        return time if time < LAST_STAMP else LAST_STAMP
 
     def drop(self, tick: int, now: int) -> int:
         """Let `tick` be due now instead of when it was, stamps likewise; return the time dropped."""
