@@ -19,13 +19,14 @@ from yaml import events
 
 from .chain import Chain, ChainError
 from .chain_checks import build_chain, data_of
-from .chain_section import clipped, LinedDict, MAX_DEPTH, MAX_ITEMS, MAX_KEYS, plain
+from .chain_section import clipped, LinedDict, MAX_DEPTH, MAX_ITEMS, MAX_KEYS, plain, suggestion
 from .hold import Hold, read_hold
 
 LOADER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
 DUMPER = getattr(yaml, 'CSafeDumper', yaml.SafeDumper)
 MAX_BYTES = 16 * 2**20
 UNPRINTABLE = re.compile('[^\t\n\r -~\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]')   # YAML 1.2, rule [1]
+TAB = re.compile(' *\t')
 INTEGER = re.compile('[-+]?[0-9]{1,20}|0o[0-7]{1,20}|0x[0-9a-fA-F]{1,20}')
 NUMBER = re.compile(r'[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?')
 CONSTANTS = {'': None, '~': None, 'null': None, 'Null': None, 'NULL': None,
@@ -64,11 +65,7 @@ def chain_from_text(text: Union[str, bytes], name: str = '<text>', hold: Hold = 
     if len(text) > MAX_BYTES:
         raise ChainError(f'{name}: is longer than {MAX_BYTES // 2**20} MiB, must be a chain file in YAML')
     if isinstance(text, bytes):
-        try:
-            text = text.decode('utf-8-sig')
-        except UnicodeDecodeError as error:
-            line = text.count(b'\n', 0, error.start) + 1
-            raise ChainError(f'{name} line {line}: is not UTF-8 text, must be a chain file in YAML') from None
+        text = decoded(text, name)
     strange = UNPRINTABLE.search(text)
     if strange:
         line = text.count('\n', 0, strange.start()) + 1
@@ -81,6 +78,23 @@ def chain_from_text(text: Union[str, bytes], name: str = '<text>', hold: Hold = 
         data['hold'] = {**read_hold(data.get('hold')), **read_hold(hold)}
         text = text_of(plain(data))
     return build_chain(data, name, text)
+
+
+def decoded(data: bytes, name: str) -> str:
+    """Return UTF-8 text, with a byte order mark or without; ChainError says what else it seems to be."""
+    begin = data[:64]
+    every_second_is_zero = len(begin) > 3 and any(begin) and not (any(begin[::2]) and any(begin[1::2]))
+    if begin[:2] in (b'\xff\xfe', b'\xfe\xff') or every_second_is_zero:
+        raise ChainError(f'{name}: is UTF-16 text, must be UTF-8, in which an editor can save it')
+    if data.startswith(b'\x89MCAP'):
+        raise ChainError(f'{name}: is a log (MCAP), must be a chain file in YAML')
+    if b'\0' in data:
+        raise ChainError(f'{name}: is a binary file, must be a chain file in YAML')
+    try:
+        return data.decode('utf-8-sig')
+    except UnicodeDecodeError as error:
+        line = data.count(b'\n', 0, error.start) + 1
+        raise ChainError(f'{name} line {line}: is not UTF-8 text, must be a chain file in YAML') from None
 
 
 def chain_from_dict(data: Mapping) -> Chain:
@@ -130,7 +144,9 @@ def find_chain_file(path: Union[str, os.PathLike]) -> Path:
         if os.path.isfile(folder / name):
             return folder / name
     places = ', '.join(['the working directory', *map(str, folders)])
-    raise ChainError(f'{clipped(str(path), 400)}: is in none of {places}, must be a chain file in YAML')
+    shipped = sorted({each.name for folder in folders for each in folder.glob('*.yaml')})
+    raise ChainError(f'{clipped(str(path), 400)}: is in none of {places}{suggestion(name.name, shipped)}, must be a '
+                     f'chain file in YAML; with the package come {", ".join(shipped) or "none"}')
 
 
 def config_folders() -> Iterator[Path]:
@@ -175,6 +191,8 @@ class Composer:
         except yaml.YAMLError as error:
             mark = getattr(error, 'problem_mark', None)
             line = f' line {mark.line + 1}' if mark else ''
+            if mark and TAB.match(''.join(text.split('\n')[mark.line:mark.line + 1])):
+                raise ChainError(f'{self.name}{line}: is indented with a tab, must be indented with blanks') from None
             problem = clipped(getattr(error, 'problem', None) or getattr(error, 'reason', 'unreadable'), 120)
             raise ChainError(f'{self.name}{line}: is not valid YAML ({problem}), must be a chain file') from None
         finally:

@@ -19,8 +19,11 @@ def _reset(simulation: Simulation, data: dict) -> None:
 
 def _set_parameter(simulation: Simulation, data: dict) -> None:
     """Put the values of a quantity; other parameters of the node do not touch the motion."""
-    if data['name'] in QUANTITIES:
-        values = [inf if value is None else value for value in data['value']]
+    if data['name'] in list(QUANTITIES):
+        values = data['value']
+        if not isinstance(values, list) or not all(each is None or isinstance(each, (int, float)) for each in values):
+            raise ValueError(f'{data["name"]!r} is {values!r:.80}, must be a list of numbers')
+        values = [inf if value is None else value for value in values]
         simulation.replace_chain(changed_chain(simulation.chain, data['name'], values))
 
 
@@ -39,12 +42,21 @@ def _put_payload(simulation: Simulation, data: dict) -> None:
 
 CHANGES = {
     'reset': _reset,              # initial state of the chain file, zero efforts and wrenches; the rest stays
-    'parameter': _set_parameter,  # {"name", "value"}
-    'wrench': lambda simulation, data: simulation.set_wrench(**data),  # {"body", "force": [x, y], "moment", "axes"}
-    'payload': _put_payload,      # {"name", "body", "mass", "position": [x, y], "inertia_com"}
+    'parameter': _set_parameter,
+    'wrench': lambda simulation, data: simulation.set_wrench(*(data[key] for key in NEEDED['wrench'])),
+    'payload': _put_payload,
+}
+NEEDED = {   # of the data
+    'reset': (),
+    'parameter': ('name', 'value'),
+    'wrench': ('body', 'force', 'moment', 'axes'),   # force: [x, y]
+    'payload': ('name', 'body', 'mass', 'position', 'inertia_com'),
 }
 
 
 def apply_change(simulation: Simulation, kind: str, data: dict) -> None:
     """Let a change act at the simulation's present tick; ValueError where it can't, and nothing is changed then."""
+    for key in NEEDED[kind]:
+        if key not in data:
+            raise ValueError(f'the change {kind!r} lacks {key!r}, must have {", ".join(NEEDED[kind])}')
     CHANGES[kind](simulation, data)

@@ -58,6 +58,10 @@ class Parser(ArgumentParser):
                 arguments[k:k + 2] = [f'{arguments[k]}={arguments[k + 1]}']
         return super().parse_known_args(arguments, namespace)
 
+    def print_help(self, file=None) -> None:
+        """Print the help; OSError where it cannot be written, which argparse would not say."""
+        (file or sys.stdout).write(self.format_help())
+
     def error(self, message: str) -> NoReturn:
         """Raise the refusal."""
         raise Mistake(f'{message} (see {self.prog} --help)')
@@ -99,6 +103,7 @@ def exit_code(program: str, work: Callable[[], int]) -> int:
     """Return the exit code of `work()`, 2 after a sentence or a traceback on stderr, 0 where nobody reads any more."""
     if hasattr(sys.stdout, 'reconfigure'):
         sys.stdout.reconfigure(errors='backslashreplace')   # a name may have letters that the locale has not
+    code = 0
     try:
         try:
             code = work()
@@ -108,7 +113,7 @@ def exit_code(program: str, work: Callable[[], int]) -> int:
         return code
     except BrokenPipeError:   # the reader of our output has gone, as in `... | head`
         leave_output()
-        return 0
+        return code
     except Exception as error:
         sentence = sentence_of(error)
         if sentence is None:
@@ -144,6 +149,14 @@ def say(program: str, sentence: str) -> None:
     """Write one sentence on stderr, where there is one."""
     with suppress(OSError, ValueError, AttributeError):
         print(f'{program}: {sentence}', file=sys.stderr, flush=True)
+
+
+def tell(text: str) -> None:
+    """Print a line at once; where its reader has gone the work goes on without."""
+    try:
+        print(text, flush=True)
+    except BrokenPipeError:
+        leave_output()
 
 
 def leave_output() -> None:

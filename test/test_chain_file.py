@@ -8,12 +8,14 @@ from two_rods import rod, TWO_RODS
 from planar_chain_sim import chain_from_dict, ChainError, load_chain
 from planar_chain_sim.chain_yaml import chain_from_text
 
+CONFIG = Path(__file__).parent.parent / 'config'
 ABOVE_ZERO = 'a number >= 0'
 KG_M2 = 'kg m^2 about the joint point'
 BODY_KEYS = 'name, carrier, origin, angle, mass, center_of_mass, inertia, inertia_com, slide, rotation, visual'
 JOINT_KEYS = ('joint, axis, damping, stiffness, rest, friction, armature, effort_limit, lower, upper, restitution, '
               'position, velocity')
 AN_EARLIER = "must be 'base' or the name of an earlier body"
+ANGLES = "or a text as '90 deg', 'pi/2', '-0.5*pi'"
 AXIS = 'must be 1 (counter-clockwise) or -1 (clockwise)'
 SINGULAR = 'which makes the mass matrix singular in every configuration because'
 TO_MOVE = "must have mass, inertia or 'armature' to move"
@@ -109,6 +111,23 @@ MISTAKES = [
     ('axis: 1', '[a]: 1', 11, "body 'upper' has a list or mapping as a key, must be a text"),
     ('joint: elbow\n', 'joint: elbow\n---\na: b\n', 22, 'starts a second YAML document, must be one'),
     ('axis: 1', 'axis: [1', 12, "is not valid YAML (did not find expected ',' or ']'), must be a chain file"),
+    ('    mass: 2.0', '\tmass: 2.0', 14, 'is indented with a tab, must be indented with blanks'),
+    ('      joint: elbow', '  \tjoint: elbow', 21, 'is indented with a tab, must be indented with blanks'),
+    ('axis: 0.5', 'axis: north', 19, "body 'forearm' key 'slide.axis' is 'north', must be a finite number (rad, "
+     f"the direction in the carrier's frame), {ANGLES}"),
+    ('axis: 1', 'position: 90 degrees', 11,
+     f"body 'upper' key 'rotation.position' is '90 degrees', must be a number (rad), {ANGLES}"),
+    ('axis: 0.5', 'axis: 0.5\n      position: 90 deg', 20,
+     "body 'forearm' key 'slide.position' is '90 deg', must be a number (m)"),
+    ('[0.3, 0.4]', '[pi, 0.4]', 15,
+     "body 'forearm' key 'center_of_mass' is ['pi', 0.4], must be a list of two finite numbers [x, y] (m)"),
+    ('mass: 2.0', 'mass: pi', 14, f"body 'forearm' key 'mass' is 'pi', must be {ABOVE_ZERO} (kg)"),
+    ('axis: 1', 'lower: .inf', 11,
+     "body 'upper' key 'rotation.lower' is inf, must be a finite number or -.inf (rad)"),
+    ('axis: 1', 'effort_limit: .nan', 11,
+     "body 'upper' key 'rotation.effort_limit' is nan, must be a finite number >= 0 or .inf (N m)"),
+    ('axis: 1', 'position: 1e400*pi', 11, "body 'upper' key 'rotation.position' is '1e400*pi', must be a finite number "
+     f'(rad), {ANGLES}'),
     ('axis: 1', 'axis: "\0"', 11, "holds the character '\\x00', must be printable text"),
     ('axis: 1', 'axis: ' + 40 * '[', 11, "body 'upper' is nested deeper than 32 levels, must be a chain file"),
 ]
@@ -134,6 +153,11 @@ def test_mistake_in_a_file_is_one_exact_sentence(old, new, line, problem):
     ('bodies: [{name: a, carrier: base, mass: 1, inertia: 1}]',
      " line 1: key 'bodies' has no joint, must have a body with 'slide' or 'rotation'"),
     (b'name: \xff', ' line 1: is not UTF-8 text, must be a chain file in YAML'),
+    (TWO_RODS.encode('utf-16'), ': is UTF-16 text, must be UTF-8, in which an editor can save it'),
+    (TWO_RODS.encode('utf-16-le'), ': is UTF-16 text, must be UTF-8, in which an editor can save it'),
+    (TWO_RODS.encode('utf-16-be'), ': is UTF-16 text, must be UTF-8, in which an editor can save it'),
+    (b'\x7fELF\x02\x01\0\0', ': is a binary file, must be a chain file in YAML'),
+    (b'\x89MCAP0\r\n\0', ': is a log (MCAP), must be a chain file in YAML'),
     (b'a' * (2**24 + 1), ': is longer than 16 MiB, must be a chain file in YAML'),
     ('a: [' + 65537 * '1,' + ']', ' line 1: has one item too many, must be a list of at most 65536'),
     ('\n'.join(f'k{i}: 1' for i in range(257)),
@@ -207,6 +231,23 @@ def test_data_that_holds_itself_is_one_sentence():
     visual['again'] = visual
     with pytest.raises(ChainError, match='is nested deeper than 32 levels, must be a chain$'):
         chain_from_dict({'bodies': [rod(visual=visual)]})
+
+
+@pytest.mark.parametrize('text', [
+    TWO_RODS.replace('\n', '\r\n'), '\ufeff' + TWO_RODS, ('\ufeff' + TWO_RODS).replace('\n', '\r\n').encode(),
+    TWO_RODS.replace('\n', '\r'), TWO_RODS.replace('mass: 2.0', 'mass:\t2.0 \t')])
+def test_marks_and_line_ends_of_editors_are_taken(text):
+    assert chain_from_text(text) == chain_from_text(TWO_RODS)
+
+
+def test_chain_that_is_not_there_is_told_with_those_that_are(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ChainError) as caught:
+        load_chain('four_link.yaml')
+    said, shipped = str(caught.value), sorted(path.name for path in CONFIG.glob('*.yaml'))
+    assert said.startswith('four_link.yaml: is in none of the working directory, ')
+    assert "(did you mean 'four_link_robot.yaml'?)" in said
+    assert len(shipped) >= 6 and said.endswith(f'; with the package come {", ".join(shipped)}')
 
 
 @pytest.mark.parametrize(('path', 'reason'), [

@@ -1,6 +1,8 @@
 """Chain files: every number arrives as it was written, and `Chain.source` loads back to the same bits."""
 from dataclasses import replace
+import math
 from math import inf
+from random import Random
 
 from hypothesis import example, given, settings, strategies as st
 import numpy as np
@@ -8,6 +10,7 @@ import pytest
 from two_rods import rod, TWO_RODS
 
 from planar_chain_sim import chain_from_dict, chain_yaml, ChainError
+from planar_chain_sim.chain_section import angle_of
 from planar_chain_sim.chain_yaml import chain_from_text
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
@@ -54,6 +57,59 @@ def test_defaults_and_given_keys_arrive():
 def test_numbers_follow_yaml_1_2(scalar, number):
     text = TWO_RODS.replace('joint: elbow', f'joint: elbow\n      velocity: {scalar}')
     assert chain_from_text(text).joints[2].velocity == number
+
+
+def angle_texts(random):
+    """Return a text and the angle that Python makes of it."""
+    def number():
+        return random.choice(['2', '3.', '.5', '0.25', '7', '1e2', '12.5e-1', f'{random.uniform(0, 9):.6g}'])
+    sign = random.choice(['', '-', '+'])
+    if random.random() < 0.4:
+        size, unit = number(), random.choice(['deg', 'rad', 'DEG'])
+        blank = random.choice(['', ' '])
+        return f'{sign}{size}{blank}{unit}', math.radians(float(size)) if unit != 'rad' else float(size), sign
+    factors = ['pi'] + [number() for _ in range(random.randrange(3))]
+    random.shuffle(factors)
+    text = factors[0]
+    for factor in factors[1:]:
+        text += random.choice(['*', '/', ' * ', ' / ']) + factor
+    return f'{sign}{text}', eval(text, {'pi': math.pi}), sign    # Python's own reading, of texts made here
+
+
+def test_angles_as_texts_are_what_python_makes_of_them():
+    random = Random(3)
+    for _ in range(500):
+        text, wanted, sign = angle_texts(random)
+        wanted = -wanted if sign == '-' else wanted
+        for quote in ('', "'"):
+            chain = chain_from_text(TWO_RODS.replace('axis: 0.5', f'axis: {quote}{text}{quote}'))
+            assert chain.bodies[1].slide.axis == wanted, text
+    assert (angle_of('90 deg'), angle_of('pi/2'), angle_of('-0.5*pi')) == (math.pi / 2, math.pi / 2, -math.pi / 2)
+
+
+@pytest.mark.parametrize('key', ['position', 'velocity', 'rest', 'lower', 'upper'])
+def test_rotation_takes_angles_and_a_slide_lengths(key):
+    text = {'lower': '-90 deg', 'velocity': '90 deg/s'}.get(key, '90 deg')
+    joint, = chain_from_dict({'bodies': [rod(rotation={'joint': 'pivot', key: text})]}).joints
+    assert getattr(joint, key) == (-1 if key == 'lower' else 1) * math.pi / 2
+    with pytest.raises(ChainError, match=f"is '{text}', must be a number"):
+        chain_from_dict({'bodies': [rod(slide={'joint': 'rail', 'axis': 'pi/2', key: text})]})
+    body, = chain_from_dict({'bodies': [rod(angle='-pi/3')]}).bodies
+    assert body.angle == -math.pi / 3
+
+
+@pytest.mark.parametrize('text', [
+    '90 degrees', 'pi deg', '1/2', 'pi/0', '2pi pi', 'pi**2', 'pi+1', '(pi)', '--pi', 'pi/', '*pi', '1_0*pi', 'tau',
+    '__import__', 'pi\u00b2', '\u0663*pi', '90\u00b0', 'deg', '90 deg/s', 'inf deg', 'nan*pi', '0x10*pi', 'pi;pi',
+    '9' * 70 + ' deg', '1e999999 deg'])
+def test_texts_that_are_no_angle(text):
+    with pytest.raises(ChainError, match='must be a .*number'):
+        chain_from_dict({'bodies': [rod(angle=text)]})
+
+
+def test_infinite_limits_are_no_limits():
+    text = TWO_RODS.replace('axis: 1', 'axis: 1\n      effort_limit: .inf\n      lower: -.inf\n      upper: .inf')
+    assert chain_from_text(text) == chain_from_text(TWO_RODS)
 
 
 @pytest.mark.parametrize('word', ['yes', 'on', 'No', '1_000', '0b1', '12:30', '2001-01-01', '=', '1e', '0o8', '.'])

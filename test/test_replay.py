@@ -157,11 +157,31 @@ def test_nobody_listens(log):
     (['--speed', 'nan'], '--speed is nan, must be a finite number > 0'),
     (['--start', '-1'], '--start is -1.0, must be a finite number of seconds >= 0'),
     (['--what', 'all'], "argument --what: invalid choice: 'all'"),
-    (['--start', '0.9'], 'it holds no commands after 0.9 s')])
+    (['--start', '0.9'], 'it holds no commands after 0.9 s'),
+    (['--start', '1e300'], 'it holds no commands after 1e+300 s'),
+    (['--speed', '1e-300'], '--speed is 1e-300, at which the log would take 0.78 s / 1e-300, must be one at which'),
+    (['--speed', '-1e300'], '--speed is -1e+300, must be a finite number > 0'),
+    (['--wait', '-1e-3'], '--wait is -0.001, must be a finite number of seconds >= 0')])
 def test_a_bad_option_is_one_sentence(log, arguments, sentence):
     code, output = run(REPLAY, log, *arguments)
     assert code == 2 and output.count('\n') == 0
     assert output.startswith('replay: ') and sentence in output
+
+
+def test_names_that_are_not_ascii(log, tmp_path):
+    """A file whose name is no UTF-8 at all is replayed; a topic of the log that ROS refuses is one sentence."""
+    odd = tmp_path / 'l\udcffuf \u00e4.mcap'
+    odd.write_bytes(log.read_bytes())
+    code, output = run(REPLAY, odd, '--wait', 0, '--speed', 1e300)
+    assert code == 0 and '\u00e4.mcap' in output
+    code, output = run(REPLAY, tmp_path / 'g\udcff.mcap')
+    assert code == 2 and output.count('\n') == 0 and 'No such file' in output
+    path = tmp_path / 'topic.mcap'
+    with LogWriter(path, [Channel('/gr\u00f6\u00dfe', 'std_msgs/msg/Float64MultiArray')], {'chain.yaml': b''},
+                   {'planar_chain_sim': {'state_topic': STATES, 'events_topic': '/e'}}) as writer:
+        writer.write('/gr\u00f6\u00dfe', encode_float64_multi_array([1.0]), START, START)
+    code, output = run(REPLAY, path)
+    assert code == 2 and output.count('\n') == 0 and "topic '/gr\u00f6\u00dfe' of the log: " in output, output
 
 
 def test_a_bad_log_is_one_sentence(tmp_path):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 import json
+from math import inf
 import sys
 from typing import Optional
 
@@ -18,8 +19,8 @@ from .log_error import LogError
 from .log_reader import Log, LogMessage, read_log
 from .run_settings import simulation_of
 from ..changes import apply_change, CHANGES
-from ..command_line import Parser, run_command
-from ..dynamics import SimulationError
+from ..command_line import Parser, run_command, tell
+from ..dynamics import joint_array, SimulationError
 from ..simulation import Simulation
 
 QUANTITIES = ('position', 'velocity', 'effort')
@@ -74,18 +75,22 @@ class _Rerun:
 
     def follow(self, message: LogMessage) -> Optional[Difference]:
         state_topic, events_topic = self._topics
-        try:
-            if message.topic == events_topic:
-                self._change(json.loads(decode_string(message.data)))
-            elif message.topic == state_topic:
-                return self._compare(message)
-        except (CdrError, ValueError, KeyError, TypeError, AttributeError) as error:
-            why = f'a message on {message.topic} cannot be followed ({type(error).__name__}: {error})'
-            raise self._unreadable(why) from None
+        if message.topic == events_topic:
+            try:
+                event = event_of(message)
+                self._change(event)
+            except ValueError as error:
+                raise self._unreadable(f'a message on {message.topic} cannot be followed ({error})') from None
+        elif message.topic == state_topic:
+            try:
+                logged = decode_joint_state(message.data)
+            except CdrError as error:
+                raise self._unreadable(f'a message on {message.topic} cannot be followed ({error})') from None
+            return self._compare(message, logged)
         return None
 
     def _change(self, event: dict) -> None:
-        """Let an event act at its tick, which is where the re-run stands."""
+        """Let an event act at its tick, which is where the re-run stands; ValueError: it cannot."""
         effort = event['data'].get('effort')
         if effort is None and event['kind'] not in CHANGES:
             return
@@ -97,14 +102,13 @@ class _Rerun:
         if event['kind'] == 'reset':
             self._held = np.zeros_like(self._held)
         if effort is not None:
-            self._held = np.array(effort, dtype=np.float64)
+            self._held = joint_array('effort', effort, self._held.shape).copy()
 
-    def _compare(self, message: LogMessage) -> Optional[Difference]:
+    def _compare(self, message: LogMessage, logged) -> Optional[Difference]:
         simulation = self.simulation
         ahead = (message.sequence - simulation.tick) % 2**32   # the log keeps ticks modulo 2^32
         if ahead > 1:
             raise self._unreadable(f'its state of tick {message.sequence} does not follow tick {simulation.tick}')
-        logged = decode_joint_state(message.data)
         if logged.names != simulation.chain.joint_names:
             raise self._unreadable(f'its state of tick {message.sequence} names other joints than its chain')
         if ahead:
@@ -134,6 +138,19 @@ class _Rerun:
         return LogError(f'log {str(self._log.path)!r}: {why}')
 
 
+def event_of(message: LogMessage) -> dict:
+    """Return the event of a message, {'tick': int, 'kind': str, 'data': dict}; ValueError: it is none."""
+    try:
+        # A number too long for a double is not finite; as an int it would be an error of another kind.
+        event = json.loads(decode_string(message.data), parse_int=lambda text: int(text) if len(text) < 20 else inf)
+    except (CdrError, RecursionError) as error:
+        raise ValueError(str(error)) from None
+    wanted = {'tick': int, 'kind': str, 'data': dict}
+    if not isinstance(event, dict) or not all(isinstance(event.get(key), kind) for key, kind in wanted.items()):
+        raise ValueError('it is no event, which has a tick, a kind and data')
+    return event
+
+
 def main(arguments=None) -> int:
     """Exit 0: every state equal, bit for bit; 1: different, first difference on stdout; 2: unreadable."""
     return run_command('resimulate', _resimulate_file, arguments)
@@ -142,15 +159,16 @@ def main(arguments=None) -> int:
 def _resimulate_file(arguments) -> int:
     parser = Parser('resimulate',
                     'Run the chain of a log again, with its method, step and changes, and compare all states '
-                    'bit for bit.\nExit code 0: equal; 1: different; 2: the log cannot be read.', 'resimulate run.mcap')
+                    'bit for bit.\n\nExit code 0: equal; 1: different; 2: the log cannot be read, or a bug is shown.',
+                    'resimulate run.mcap')
     parser.add_argument('log', help='MCAP log of the simulator or of rollout')
     log = read_log(parser.parse_args(arguments).log)
     verdict = resimulate(log)
     torn = '' if log.complete else '; the log was not closed properly, what is whole was compared'
     if verdict.difference is not None:
-        print(f'different: {verdict.difference}{torn}')
+        tell(f'different: {verdict.difference}{torn}')
         return 1
-    print(f'equal: {verdict.states} states over {verdict.ticks} ticks, bit for bit{torn}')
+    tell(f'equal: {verdict.states} states over {verdict.ticks} ticks, bit for bit{torn}')
     return 0
 
 

@@ -18,7 +18,7 @@ from .run_settings import settings_of
 from ..chain import ChainError
 from ..chain_section import clipped
 from ..chain_yaml import load_chain
-from ..command_line import add_hold, Mistake, Parser, run_command
+from ..command_line import add_hold, Mistake, Parser, run_command, tell
 from ..dynamics import Interrupted, SimulationError
 from ..integrators import METHODS
 from ..simulation import initial_state, JointEvent, Simulation, whole_ticks
@@ -151,7 +151,7 @@ def _rollout_to_file(arguments) -> int:
     ticks, effort = _ticks(options, simulation.step, effort)
     path = options.output or f'{Path(options.chain).stem}.mcap'
     from tqdm import tqdm   # the progress bar; not needed where rollout is a function
-    print(f'{chain.name}: {simulation.plan}')
+    tell(f'{chain.name}: {simulation.plan}')
     began = perf_counter()
     for number in (signal.SIGINT, signal.SIGTERM):   # an exception in the midst of a record would tear the log
         signal.signal(number, lambda number, frame: simulation.interrupt())
@@ -161,7 +161,7 @@ def _rollout_to_file(arguments) -> int:
             roll_to_log(simulation, ticks, effort, log, bar.update)
         except Interrupted:
             raise KeyboardInterrupt from None
-    print(f'{path}: {simulation.time:g} s simulated in {perf_counter() - began:.2f} s, {ticks + 1} states')
+    tell(f'{path}: {simulation.time:g} s simulated in {perf_counter() - began:.2f} s, {ticks + 1} states')
     return 0
 
 
@@ -207,7 +207,7 @@ def _ticks(options, step: float, effort) -> tuple:
     rows = table.by_tick(ticks, step, f'--effort {clipped(options.effort, 200)!r}')
     spare = table.ticks(step) - ticks
     if spare > 0:
-        print(f'--effort {clipped(options.effort, 200)!r} goes on for {spare} ticks after the end, which are left out')
+        tell(f'--effort {clipped(options.effort, 200)!r} goes on for {spare} ticks after the end, which are left out')
     return ticks, rows
 
 

@@ -60,7 +60,7 @@ def parse(arguments) -> dict:
     if not {'-h', '--help'}.isdisjoint(arguments):
         from .parameters import parameter_table
         parser.print_help()
-        print('\nparameters, as in `--ros-args -p rate:=500.0`; live: can be set while the node runs\n')
+        print('\nparameters, as in `--ros-args -p rate:=500.0`; live: can be set at run time\n')
         print(parameter_table(width=min(get_terminal_size().columns, 120)))
         raise SystemExit(0)
     options = parser.parse_args(arguments)

@@ -16,6 +16,7 @@ SIGINT and SIGTERM end it with exit code 0; a mistake is told in one sentence, e
 EXAMPLE = 'replay run.mcap --what states --speed 0.5 --loop --ros-args -r joint_states:=ghost/joint_states'
 
 LOOK_PERIOD = 0.02  # s between two looks for listeners, and the shortest loop
+LONGEST = 1e9       # s that a pass may take
 
 
 def main(arguments=None) -> int:
@@ -24,27 +25,27 @@ def main(arguments=None) -> int:
 
 
 def replay(own_arguments, ros_arguments, stop) -> None:
-    """Publish the log until its end or a stop. Mistake: bad options, no such log, nothing to publish in it."""
+    """Publish the log until its end or a stop. Mistake: bad options; LogError: no such log."""
     options = parse(own_arguments)
-    from ..command_line import Mistake
     from ..recording.log_reader import read_log
-    from ..recording.log_error import LogError
-    try:
-        log = read_log(options.log)
-        with ExitStack() as ending:
-            node = start_node('replay', ros_arguments, ending)
-            topics = find_topics(log, options)
-            publishers = {name: create_publisher(node, name, type_name) for name, type_name in topics.items()}
-            node.get_logger().info(f'replaying {options.what} of {options.log} on '
-                                   f'{", ".join(publisher.topic_name for publisher in publishers.values())}')
-            if wait_for_listeners(node, publishers, options.wait, stop):
+    log = read_log(options.log)
+    with ExitStack() as ending:
+        node = start_node('replay', ros_arguments, ending)
+        topics = find_topics(log, options)
+        publishers = {name: create_publisher(node, name, type_name) for name, type_name in topics.items()}
+        node.get_logger().info(f'replaying {options.what} of {printable(options.log)} on '
+                               f'{", ".join(publisher.topic_name for publisher in publishers.values())}')
+        if wait_for_listeners(node, publishers, options.wait, stop):
+            return
+        while not play(log, publishers, options, stop):
+            if not options.loop:
+                let_arrive(publishers)
                 return
-            while not play(log, publishers, options, stop):
-                if not options.loop:
-                    let_arrive(publishers)
-                    return
-    except LogError as error:
-        raise Mistake(str(error)) from None
+
+
+def printable(name: str) -> str:
+    """Return a file's name as ROS can print it, which takes no bytes that are no UTF-8."""
+    return name.encode(errors='backslashreplace').decode()
 
 
 def parse(arguments):
@@ -72,24 +73,37 @@ def find_topics(log, options) -> dict[str, str]:
     from .messages import INPUTS
     from ..command_line import Mistake
     command_types = {row.type_name for row in INPUTS.values()}
-    state_topic, topics, origin = log.settings.get('state_topic'), {}, None
+    state_topic, topics, origin, last = log.settings.get('state_topic'), {}, None, 0
     for message in log.messages:
-        origin = message.log_time + round(options.start * 1e9) if origin is None else origin
-        wanted = (message.topic == state_topic) if options.what == 'states' else (
-            message.topic != state_topic and message.type_name in command_types)
-        if wanted and message.log_time >= origin:
+        origin = begin_of(message, options) if origin is None else origin
+        wanted = (message.topic == state_topic) if options.what == 'states' else message.topic != state_topic
+        if wanted and message.log_time >= origin and message.type_name in command_types:
             topics[message.topic] = message.type_name
+        last = message.log_time
     if not topics:
         after = f' after {options.start:g} s' if options.start else ''
         raise Mistake(f'log {options.log!r}: it holds no {options.what}{after}')
+    if not (last - origin) * 1e-9 / options.speed <= LONGEST:
+        raise Mistake(f'--speed is {options.speed:g}, at which the log would take {(last - origin) * 1e-9:.3g} s / '
+                      f'{options.speed:g}, must be one at which it takes at most {LONGEST:g} s')
     return topics
 
 
+def begin_of(message, options) -> int:
+    """Return the log time, ns, from which messages are published; `message` is the first of the log."""
+    return message.log_time + round(min(options.start, 2.0**34) * 1e9)   # beyond what a log time can be
+
+
 def create_publisher(node, topic: str, type_name: str):
-    """Create a publisher for recorded bytes of a type by its name."""
+    """Create a publisher for recorded bytes of a type by its name; Mistake: ROS refuses the topic."""
+    from rclpy.exceptions import InvalidTopicNameException
     from .messages import INPUTS
+    from ..command_line import Mistake
     message = next(row.message for row in INPUTS.values() if row.type_name == type_name)
-    return node.create_publisher(message, topic, 10)
+    try:
+        return node.create_publisher(message, topic, 10)
+    except InvalidTopicNameException as error:
+        raise Mistake(f'topic {topic!r} of the log: {" ".join(str(error).split())}') from None
 
 
 def wait_for_listeners(node, publishers, seconds: float, stop) -> bool:
@@ -108,7 +122,7 @@ def play(log, publishers, options, stop) -> bool:
     """Publish once through, each message when it is due; return whether we are to stop."""
     begin, origin, due = monotonic(), None, 0.0
     for message in log.messages:
-        origin = message.log_time + round(options.start * 1e9) if origin is None else origin
+        origin = begin_of(message, options) if origin is None else origin
         due = begin + (message.log_time - origin) * 1e-9 / options.speed
         if message.topic in publishers and message.log_time >= origin:
             if stopped_within(due - monotonic(), stop):

@@ -1,14 +1,14 @@
 """The state at a time in a log of the simulator or of rollout, and the chain as it was then."""
 from __future__ import annotations
 
-import json
 from math import isfinite
 
 from ..changes import apply_change, CHANGES
 from ..command_line import Mistake
-from ..recording.cdr import CdrError, decode_joint_state, decode_string
+from ..recording.cdr import CdrError, decode_joint_state
+from ..recording.log_error import LogError
 from ..recording.log_reader import Log
-from ..recording.log_writer import LogError
+from ..recording.resimulation import event_of
 from ..simulation import Simulation
 
 
@@ -43,9 +43,8 @@ def state_at(log: Log, start: Simulation, time: float) -> tuple:
 def _follow(log: Log, simulation: Simulation, message) -> None:
     """Let a change of the log act on the chain."""
     try:
-        event = json.loads(decode_string(message.data))
+        event = event_of(message)
         if event['kind'] in CHANGES:
             apply_change(simulation, event['kind'], event['data'])
-    except (CdrError, ValueError, KeyError, TypeError, AttributeError) as error:
-        why = f'a message on {message.topic} cannot be followed ({type(error).__name__}: {error})'
-        raise LogError(f'log {str(log.path)!r}: {why}') from None
+    except ValueError as error:
+        raise LogError(f'log {str(log.path)!r}: a message on {message.topic} cannot be followed ({error})') from None
