@@ -14,6 +14,7 @@ import warnings
 
 INTERRUPTED = 130   # the shell's code for a command that Ctrl-C ended
 NUMBERS = re.compile(r'-(?:[\d.]|inf|nan|pi)')   # how a value begins that is no option
+LONGEST = 4000      # characters of a sentence
 NOT_WRITTEN = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
 
 
@@ -146,7 +147,8 @@ def raise_to_user(error: Exception) -> None:
 
 
 def say(program: str, sentence: str) -> None:
-    """Write one sentence on stderr, where there is one."""
+    """Write one sentence on stderr, where there is one; line ends that an argument has are written as Python would."""
+    sentence = ''.join(each if each.isprintable() else repr(each)[1:-1] for each in sentence[:LONGEST])
     with suppress(OSError, ValueError, AttributeError):
         print(f'{program}: {sentence}', file=sys.stderr, flush=True)
 

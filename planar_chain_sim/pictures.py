@@ -107,6 +107,11 @@ def draw_log(log, path: str) -> None:
     pyplot.close(figure)
 
 
+def main(arguments=None) -> int:
+    """Exit 0: drawn; 2: a mistake."""
+    return run_command('pictures', _picture, arguments)
+
+
 def _picture(arguments) -> int:
     program = 'python -m planar_chain_sim.pictures'
     parser = Parser(program, 'Draw how a chain moves from its initial state with no effort, or what a log holds.',
@@ -132,4 +137,4 @@ def _picture(arguments) -> int:
 
 
 if __name__ == '__main__':
-    sys.exit(run_command('pictures', _picture, None))
+    sys.exit(main())

@@ -53,7 +53,9 @@ class LogWriter:
             self.chunk = self._mcap.chunk
             self._begin(attachments or {}, metadata or {})
         except OSError as error:
-            raise self._fail(error.strerror or str(error)) from None
+            failure = self._fail(error.strerror or str(error))
+            self.path.unlink(missing_ok=True)   # there is nothing in it
+            raise failure from None
         self.flush_due = monotonic() + flush_period
 
     def __enter__(self) -> 'LogWriter':

@@ -104,7 +104,8 @@ def parameter_table(rows=PARAMETERS, width: int = 80) -> str:
     for row in rows:
         default = "the chain's" if row.of_chain else str(row.default) if row.type == 'STRING' else (
             str(row.default).lower())
-        lines.append(f'{row.name:21}{default or repr(""):22}{"yes" if row.live else "no":6}{row.unit}'.rstrip())
+        begin = f'{row.name:21}{default or repr(""):22}{"yes" if row.live else "no":6}'
+        lines += textwrap.wrap(begin + row.unit, width, subsequent_indent=49 * ' ')
         meaning = row.description
         if row.limits:
             meaning += f' Range: {row.range}.'
