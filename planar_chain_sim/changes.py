@@ -40,16 +40,17 @@ def _put_payload(simulation: Simulation, data: dict) -> None:
         raise
 
 
+WRENCH = ('body', 'force', 'moment', 'axes')   # of the data; force: [x, y]
 CHANGES = {
     'reset': _reset,              # initial state of the chain file, zero efforts and wrenches; the rest stays
     'parameter': _set_parameter,
-    'wrench': lambda simulation, data: simulation.set_wrench(*(data[key] for key in NEEDED['wrench'])),
+    'wrench': lambda simulation, data: simulation.set_wrench(**{key: data[key] for key in WRENCH if key in data}),
     'payload': _put_payload,
 }
 NEEDED = {   # of the data
     'reset': (),
     'parameter': ('name', 'value'),
-    'wrench': ('body', 'force', 'moment', 'axes'),   # force: [x, y]
+    'wrench': WRENCH[:1],
     'payload': ('name', 'body', 'mass', 'position', 'inertia_com'),
 }
 
