@@ -38,6 +38,7 @@ class Joint:
     stiffness: float = 0.0      # N m/rad or N/m
     rest: float = 0.0           # coordinate at which the spring is slack
     friction: float = 0.0       # Coulomb, N m or N
+    preload: float = 0.0        # effort that always acts, N m or N
     armature: float = 0.0       # reflected inertia on the relative rate, kg m^2 or kg
     effort_limit: float = inf   # N m or N
     lower: float = -inf         # stops, rad or m

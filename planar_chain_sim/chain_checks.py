@@ -21,6 +21,7 @@ JOINT_NUMBERS = {  # key: (default, least value, unit of a slide, unit of a rota
     'stiffness': (0.0, 0.0, 'N/m', 'N m/rad'),
     'rest': (0.0, None, 'm', 'rad'),
     'friction': (0.0, 0.0, 'N', 'N m'),
+    'preload': (0.0, None, 'N', 'N m'),
     'armature': (0.0, 0.0, 'kg', 'kg m^2'),
     'effort_limit': (inf, 0.0, 'N', 'N m'),
     'lower': (-inf, None, 'm', 'rad'),

@@ -9,8 +9,8 @@ from .chain_section import as_number, clipped, plain, shown, suggestion
 
 AXES = {'x': 0, 'y': 1}
 OF_BODIES = ('mass', 'center_of_mass.x', 'center_of_mass.y', 'inertia', 'inertia_com', 'origin.x', 'origin.y', 'angle')
-OF_JOINTS = ('damping', 'stiffness', 'rest', 'friction', 'armature', 'effort_limit', 'lower', 'upper', 'position',
-             'velocity')
+OF_JOINTS = ('damping', 'stiffness', 'rest', 'friction', 'preload', 'armature', 'effort_limit', 'lower', 'upper',
+             'position', 'velocity')
 
 
 def places_of(chain: Chain) -> dict[str, tuple]:

@@ -39,6 +39,10 @@ JOINT_FORCES = (
                lambda joint, position, velocity: -joint.stiffness * (position - joint.rest),
                lambda model, index, joint: model.add_spring(index, joint.stiffness, joint.rest),
                lambda joint, position: 0.5 * joint.stiffness * (position - joint.rest) ** 2),
+    JointForce('preload', 'tau_p', lambda joint: joint.preload != 0.0,
+               lambda joint, position, velocity: joint.preload,
+               lambda model, index, joint: model.add_preload(index, joint.preload),
+               lambda joint, position: -joint.preload * position),
     JointForce('friction', "-tau_c sgn(theta')", lambda joint: joint.friction > 0.0,
                lambda joint, position, velocity: -joint.friction * float(np.sign(velocity)),
                lambda model, index, joint: model.add_friction(index, joint.friction)),
@@ -58,7 +62,7 @@ def passive_effort(chain: Chain, position: np.ndarray, velocity: np.ndarray) -> 
 
 
 def stored_energy(chain: Chain, position: np.ndarray) -> float:
-    """Energy in the springs, J."""
+    """Energy in the springs and of the preloads, J."""
     return sum((law.energy(joint, q)
                 for joint, q in zip(chain.joints, position) for law in JOINT_FORCES if law.acts_on(joint)), 0.0)
 

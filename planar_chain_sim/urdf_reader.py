@@ -101,10 +101,6 @@ class Reader:
                 elif element.tag == 'plugin' and 'DetachableJoint' in str(element.attributes):
                     ends = [_text_or_link(element.find(end)) for end in ('parent_link', 'child_link')]
                     self._refuse_loop(f"DetachableJoint '{clipped(element.get('name') or '')}'", *ends, where)
-                elif element.tag in ('mimicJoint', 'mimic_joint', 'mimic'):
-                    leader = element.text.strip() or element.get('joint') or ''
-                    self.fail(f"couples a joint to '{clipped(leader)}' ({where}), must be a robot whose joints move on "
-                              'their own')
                 elif element.tag == 'equality' and element.children:
                     first = element.children[0]
                     self._refuse_loop(f"{clipped(first.tag)} '{clipped(first.get('name') or '')}'",
@@ -134,7 +130,7 @@ class Reader:
         text = element.get(key) if element is not None else None
         if text is None:
             return np.array(default, dtype=float)
-        words = text.split(None, 32)
+        words = text.replace(',', ' ').split(None, 32)
         if len(words) != len(default) or not all(map(NUMBER.fullmatch, words)):
             count = 'a number' if len(default) == 1 else f'{len(default)} numbers'
             self.fail(f"{where} has {key} '{clipped(text)}', must be {count}")
@@ -243,6 +239,11 @@ class Reader:
     def _hold_followers(self, joints, hold, initial) -> None:
         """Weld the followers of held joints where these put them; ChainError for one whose leader moves."""
         leaders = {name: element.find('mimic') for name, element in joints.items() if element.find('mimic')}
+        for plugin in (part for block in self.root.all('gazebo') for part in block.walk() if part.find('mimicJoint')):
+            values = {part.tag: part.text.strip() for part in plugin.children}
+            follower = values.get('joint')
+            if follower in joints:   # a plugin says what else `mimic` does
+                leaders.setdefault(follower, Element('mimic', {**values, 'joint': values['mimicJoint']}, plugin.line))
         for name in leaders:
             way, at = [], name
             while at in leaders and at not in hold and at not in way:

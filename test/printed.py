@@ -27,7 +27,8 @@ def expression_of_text(text):
     text = normalize('NFD', text).translate(SUBSCRIPTS)
     for letter, name in GREEK.items():
         text = text.replace(letter, name)
-    text = text.replace('\u2212', '-').replace('tauc', 'tau_c').replace('fc', 'f_c')
+    text = text.replace('\u2212', '-')
+    text = re.sub('(tau|f)([cp])', r'\1_\2', text)
     text = text.replace('I\u2090', 'Ia').replace('m\u2090', 'ma').replace('d\u2093', 'd_x').replace('k\u2093', 'k_x')
     text = re.sub('(x|q|theta)\u2070(\\d+)', r'\1_rest\2', text)
     text = re.sub(f'([a-z]+){HAT}(\\d+)', r'\1\2_hat', text)

@@ -181,16 +181,16 @@ def test_every_field_of_a_joint_and_a_body_is_written_back():
         again = chain_from_text(bare.source)
         assert same_bits(again, chain)
         assert [body.given for body in again.bodies] == [body.given for body in chain.bodies]
-    numbers = {'damping': 0.1, 'stiffness': 2.0, 'rest': -0.0, 'friction': 0.3, 'armature': 0.4, 'effort_limit': inf,
-               'lower': -inf, 'upper': inf, 'restitution': 0.5, 'position': 0.6, 'velocity': -0.7}
+    numbers = {'damping': 0.1, 'stiffness': 2.0, 'rest': -0.0, 'friction': 0.3, 'preload': -0.8, 'armature': 0.4,
+               'effort_limit': inf, 'lower': -inf, 'upper': inf, 'restitution': 0.5, 'position': 0.6, 'velocity': -0.7}
     assert set(numbers) | {'name', 'kind', 'axis'} == {entry.name for entry in fields(pcs.Joint)}
     body, = chain_from_dict({'bodies': [rod(rotation={'joint': 'pivot', 'axis': -1.0, **numbers})]}).bodies
     assert repr(body.rotation) == repr(pcs.Joint('pivot', 'rotation', -1.0, **numbers))
 
 
 BODY_NAMES = ('mass', 'center_of_mass.x', 'center_of_mass.y', 'inertia', 'inertia_com', 'origin.x', 'origin.y', 'angle')
-JOINT_NAMES = ('damping', 'stiffness', 'rest', 'friction', 'armature', 'effort_limit', 'lower', 'upper', 'position',
-               'velocity')
+JOINT_NAMES = ('damping', 'stiffness', 'rest', 'friction', 'preload', 'armature', 'effort_limit', 'lower', 'upper',
+               'position', 'velocity')
 
 
 def test_parameters_are_the_numbers_by_name():

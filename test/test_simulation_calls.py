@@ -96,7 +96,7 @@ def test_a_callable_cannot_reach_the_run_through_its_arguments():
 def test_the_plan_says_what_is_used_and_skipped_and_merged():
     rods = pcs.Simulation(uniform_rods(4))
     assert rods.plan == (
-        '4 links, 4 joints; uses gravity; skips slides, branches, bent links, armature, damping, spring, friction, '
+        '4 links, 4 joints; uses gravity; skips slides, branches, bent links, armature, damping, spring, preload, friction, '
         'effort limits, stops; method taylor (auto: not stiff), order 17 for tolerance 1e-09, '
         'tick 0.001 s; form dense (auto: the series of at most 8 joints is unrolled)')
     laws = {'damping': 1.0, 'stiffness': 1.0, 'friction': 1.0, 'armature': 1.0, 'effort_limit': 1.0, 'lower': 0.0}

@@ -45,6 +45,9 @@ PYBIND11_MODULE(_kernel, module) {
       .def("add_spring", [](Model& m, int joint, double stiffness, double rest) {
         m.forces.springs.push_back({m.joint(joint), stiffness, rest});
       })
+      .def("add_preload", [](Model& m, int joint, double preload) {
+        m.forces.preloads.push_back({m.joint(joint), preload});
+      })
       .def("add_friction", [](Model& m, int joint, double friction) {
         m.forces.frictions.push_back({m.joint(joint), friction});
       })

@@ -156,6 +156,7 @@ class Holding {
     for (const auto& law : forces_.springs)
       if (law.stiffness * (state.position[law.joint] - law.rest) != 0.0)
         size_[law.joint] += law.stiffness * (std::fabs(state.position[law.joint]) + std::fabs(law.rest));
+    for (const auto& law : forces_.preloads) size_[law.joint] += std::fabs(law.preload);
     for (const Wrench& wrench : forces_.wrenches) add_size(wrench, state);
     for (int j = 0; j < joints_; ++j)
       rounding_of[j] =

@@ -26,6 +26,13 @@ struct SpringOf {
 };
 
 template <class Real>
+struct PreloadOf {
+  int joint;
+  Real preload;
+  static constexpr Real PreloadOf::* numbers[] = {&PreloadOf::preload};
+};
+
+template <class Real>
 struct FrictionOf {
   int joint;
   Real friction;
@@ -50,20 +57,24 @@ template <class Real>
 struct JointForcesOf {
   std::vector<DamperOf<Real>> dampers;
   std::vector<SpringOf<Real>> springs;
+  std::vector<PreloadOf<Real>> preloads;
   std::vector<FrictionOf<Real>> frictions;
   std::vector<LimitOf<Real>> limits;
   std::vector<StopOf<Real>> stops;
   std::vector<Wrench> wrenches;             // on `chain`; a simulation has them, a batch none
   const ChainOf<Real>* chain = nullptr;
 
-  // Whether any of them depends on the state.
-  bool passive() const { return !bare && !(dampers.empty() && springs.empty() && frictions.empty()); }
+  // Whether any of them acts besides the actuators.
+  bool passive() const {
+    return !bare && !(dampers.empty() && springs.empty() && preloads.empty() && frictions.empty());
+  }
 
-  // tau += -d theta' - k (theta - theta_0) - tau_c sgn(theta')   (equations.md 4)
+  // tau += -d theta' - k (theta - theta_0) + tau_p - tau_c sgn(theta')   (equations.md 4)
   void add_passive(const Real* position, const Real* velocity, Real* effort) const {
     if constexpr (bare) return;
     for (const auto& law : dampers) effort[law.joint] -= law.damping * velocity[law.joint];
     for (const auto& law : springs) effort[law.joint] -= law.stiffness * (position[law.joint] - law.rest);
+    for (const auto& law : preloads) effort[law.joint] += law.preload;
     for (const auto& law : frictions) {
       const Real rate = velocity[law.joint], one = 1.0, zero = 0.0;
       effort[law.joint] -= law.friction * select(rate > zero, one, select(rate < zero, -one, zero));
@@ -86,12 +97,14 @@ struct JointForcesOf {
     }
   }
 
-  Real spring_energy(const Real* position) const {
+  // Energy in springs, and of preloads, J.
+  Real stored_energy(const Real* position) const {
     Real energy = 0.0;
     for (const auto& law : springs) {
       const Real stretch = position[law.joint] - law.rest;
       energy += 0.5 * law.stiffness * stretch * stretch;
     }
+    for (const auto& law : preloads) energy -= law.preload * position[law.joint];
     return energy;
   }
 

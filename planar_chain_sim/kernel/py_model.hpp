@@ -228,7 +228,7 @@ class Model {
   std::pair<double, double> energy(const double* position, const double* velocity) {
     double kinetic, potential;
     recursion_->energy(near(position), velocity, kinetic, potential);
-    return {kinetic, potential + forces.spring_energy(position)};
+    return {kinetic, potential + forces.stored_energy(position)};
   }
 
   // A (2 joints, 2 joints) and B (2 joints, joints), row by row; or why not, and the joint to blame.

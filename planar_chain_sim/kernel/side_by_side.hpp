@@ -31,8 +31,8 @@ inline bool same_make(const Scene& one, const Scene& other) {
   return one.dense == other.dense && one.chain->refined == other.chain->refined &&
          std::equal(some.begin(), some.end(), others.begin(), others.end(), same_link) &&
          same_joints(acting.dampers, there.dampers) && same_joints(acting.springs, there.springs) &&
-         same_joints(acting.frictions, there.frictions) && same_joints(acting.limits, there.limits) &&
-         same_joints(acting.stops, there.stops);
+         same_joints(acting.preloads, there.preloads) && same_joints(acting.frictions, there.frictions) &&
+         same_joints(acting.limits, there.limits) && same_joints(acting.stops, there.stops);
 }
 
 // The numbers of `from` into lane `i` of `to`.
@@ -64,8 +64,8 @@ struct SideBySide {
       set_lane(link, i, from);
     }
     set_lane(forces.dampers, i, scene.forces->dampers), set_lane(forces.springs, i, scene.forces->springs);
-    set_lane(forces.frictions, i, scene.forces->frictions), set_lane(forces.limits, i, scene.forces->limits);
-    set_lane(forces.stops, i, scene.forces->stops);
+    set_lane(forces.preloads, i, scene.forces->preloads), set_lane(forces.frictions, i, scene.forces->frictions);
+    set_lane(forces.limits, i, scene.forces->limits), set_lane(forces.stops, i, scene.forces->stops);
   }
 };
 

@@ -58,6 +58,8 @@ inline ReducedChain without_standing(const Chain& whole, const JointForces& forc
     if ((law.joint = number[law.joint]) >= 0) part.forces.dampers.push_back(law);
   for (auto law : forces.springs)
     if ((law.joint = number[law.joint]) >= 0) part.forces.springs.push_back(law);
+  for (auto law : forces.preloads)
+    if ((law.joint = number[law.joint]) >= 0) part.forces.preloads.push_back(law);
   for (Wrench wrench : forces.wrenches) {
     const VecOf<double> own = turned[wrench.link], point = rotate(wrench.point_x, wrench.point_y, own.x, own.y);
     wrench.point_x = point.x, wrench.point_y = point.y;

@@ -18,7 +18,7 @@ from ..chain import Chain, Joint
 KINDS = (*LEFT, *RIGHT)
 # the order of symbols in a product
 LETTERS = {letter: k for k, letter in enumerate(
-    ('m', 'M', 'J', 'Ia', 'ma', 'k', 'k_x', 'd', 'd_x', 'tau_c', 'f_c', 'r', 'c', 'g'))}
+    ('m', 'M', 'J', 'Ia', 'ma', 'k', 'k_x', 'd', 'd_x', 'tau_c', 'f_c', 'tau_p', 'f_p', 'r', 'c', 'g'))}
 GRAVITY = ('gravity',)
 
 
@@ -179,7 +179,7 @@ class Derivation:
             self._add_laws(coordinate, i, body.rotation, ((1, self.names.turn[i]), *carrier), axis, slack)
 
     def _add_laws(self, coordinate: Coordinate, i: int, joint: Joint, relative: Parts, axis: int, slack: float) -> None:
-        armature, damper, spring, friction = (self.names.of(letter, i) for letter in LAWS[joint.kind])
+        armature, damper, spring, friction, preload = (self.names.of(letter, i) for letter in LAWS[joint.kind])
         rate = self.motion(1, relative)[1]
         for sign in (sign for sign, part in relative if part is coordinate):
             if armature:
@@ -194,6 +194,8 @@ class Derivation:
             if friction:
                 self._collect(-sign, 'friction', (friction,), (), None,
                               (self._signs.setdefault(rate, SignOf(rate)),))
+            if preload:
+                self._collect(sign * axis, 'preload', (preload,), (), None, ())
             self._collect(sign * axis, 'effort', (), (), None, (self.names.effort[joint.name],))
 
     def _rest(self, i: int, relative: Parts, slack: float) -> Optional[Symbol]:

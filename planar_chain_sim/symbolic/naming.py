@@ -7,11 +7,12 @@ from typing import Optional
 from .factors import Coordinate, Effort, Parts, Symbol, Vector
 from ..chain import BASE, Chain, Joint
 
-# letters of armature, damping, stiffness and friction
-LAWS = {'rotation': ('Ia', 'd', 'k', 'tau_c'), 'slide': ('ma', 'd_x', 'k_x', 'f_c')}
+# letters of armature, damping, stiffness, friction and preload
+LAWS = {'rotation': ('Ia', 'd', 'k', 'tau_c', 'tau_p'), 'slide': ('ma', 'd_x', 'k_x', 'f_c', 'f_p')}
 LAW_UNITS = {'rotation': (('kg m^2', 'armature'), ('N m s/rad', 'damping'), ('N m/rad', 'stiffness'),
-                          ('N m', 'friction')),
-             'slide': (('kg', 'armature'), ('N s/m', 'damping'), ('N/m', 'stiffness'), ('N', 'friction'))}
+                          ('N m', 'friction'), ('N m', 'preload')),
+             'slide': (('kg', 'armature'), ('N s/m', 'damping'), ('N/m', 'stiffness'), ('N', 'friction'),
+                       ('N', 'preload'))}
 
 
 class Names:
@@ -67,7 +68,7 @@ class Names:
         name = joint.name
         if joint.kind == 'slide':
             self.keep('epsilon', i, joint.axis, 'rad', f"direction of {name} in the carrier's frame")
-        values = joint.armature, joint.damping, joint.stiffness, joint.friction
+        values = joint.armature, joint.damping, joint.stiffness, joint.friction, joint.preload
         for letter, value, (unit, meaning) in zip(LAWS[joint.kind], values, LAW_UNITS[joint.kind]):
             self.keep(letter, i, value, unit, f'{meaning} of {name}')
 

@@ -15,12 +15,14 @@ GREEK = {'beta': '\u03b2', 'gamma': '\u03b3', 'delta': '\u03b4', 'epsilon': '\u0
 DOT, DOTS, HAT = '\u0307', '\u0308', '\u0302'     # combining marks
 MINUS, TIMES, SQUARED = '\u2212', '\u00b7', '\u00b2'
 
-# the subscripts x and a and the superscript 0 exist as characters, a subscript c doesn't
+# the subscripts x and a and the superscript 0 exist as characters, a subscript c doesn't; p goes with c
 TEXT_LETTERS = {'Ia': 'I\u2090', 'ma': 'm\u2090', 'd_x': 'd\u2093', 'k_x': 'k\u2093', 'tau_c': '\u03c4c', 'f_c': 'fc',
-                'theta_rest': '\u03b8\u2070', 'x_rest': 'x\u2070', 'q_rest': 'q\u2070', 'delta_g': '\u03b4g', **GREEK}
+                'tau_p': '\u03c4p', 'f_p': 'fp', 'theta_rest': '\u03b8\u2070', 'x_rest': 'x\u2070',
+                'q_rest': 'q\u2070', 'delta_g': '\u03b4g', **GREEK}
 LATEX_MARKS = {   # letter, subscript before the number, superscript
     'Ia': ('I', 'a', ''), 'ma': ('m', 'a', ''), 'd_x': ('d', 'x', ''), 'k_x': ('k', 'x', ''), 'f_c': ('f', 'c', ''),
-    'tau_c': (r'\tau', 'c', ''), 'theta_rest': (r'\theta', '', '0'), 'x_rest': ('x', '', '0'), 'q_rest': ('q', '', '0'),
+    'tau_c': (r'\tau', 'c', ''), 'tau_p': (r'\tau', 'p', ''), 'f_p': ('f', 'p', ''),
+    'theta_rest': (r'\theta', '', '0'), 'x_rest': ('x', '', '0'), 'q_rest': ('q', '', '0'),
     'delta_g': (r'\delta', 'g', ''), **{name: (f'\\{name}', '', '') for name in GREEK},
     'phi': (r'\varphi', '', ''), 'epsilon': (r'\varepsilon', '', '')}
 

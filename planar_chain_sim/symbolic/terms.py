@@ -12,7 +12,7 @@ from math import prod
 from .factors import Coordinate, Factor, State, sum_of, Symbol
 
 LEFT = ('acceleration', 'squared rate', 'Coriolis')                      # kinds of terms, in the order of 5.4.8
-RIGHT = ('gravity', 'spring', 'damping', 'friction', 'effort')
+RIGHT = ('gravity', 'spring', 'damping', 'friction', 'preload', 'effort')
 
 
 @dataclass(frozen=True)

@@ -49,7 +49,7 @@ class Writer:
         return [piece for group in _groups(equation.left) for piece in self._group(group)]
 
     def right(self, equation: Equation) -> list[Piece]:
-        """Right side: gravity, springs, dampers, friction, efforts."""
+        """Right side: gravity, springs, dampers, friction, preloads, efforts."""
         return [piece for group in _groups(equation.right) for piece in self._group(group)]
 
     def sum_of(self, pieces: Sequence[Piece]) -> str:
