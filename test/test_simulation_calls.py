@@ -96,17 +96,18 @@ def test_a_callable_cannot_reach_the_run_through_its_arguments():
 def test_the_plan_says_what_is_used_and_skipped_and_merged():
     rods = pcs.Simulation(uniform_rods(4))
     assert rods.plan == (
-        '4 links, 4 joints; uses gravity; skips slides, branches, bent links, armature, damping, spring, preload, friction, '
-        'effort limits, stops; method taylor (auto: not stiff), order 17 for tolerance 1e-09, '
+        '4 links, 4 joints; uses gravity; skips slides, branches, bent links, armature, damping, spring, preload, '
+        'friction, effort limits, stops; method taylor (auto: not stiff), order 17 for tolerance 1e-09, '
         'tick 0.001 s; form dense (auto: the series of at most 8 joints is unrolled)')
-    laws = {'damping': 1.0, 'stiffness': 1.0, 'friction': 1.0, 'armature': 1.0, 'effort_limit': 1.0, 'lower': 0.0}
+    laws = {'damping': 1.0, 'stiffness': 1.0, 'preload': 1.0, 'friction': 1.0, 'armature': 1.0, 'effort_limit': 1.0,
+            'lower': 0.0}
     everything = Chain('all', 1 + 0j, (
         Body('b', -1, 0j, 0.0, 1.0, 0j, 1.0, 1.0, Joint('s', 'slide', 0.0, **laws), None),
         Body('c', 0, 0j, 0.0, 1.0, 0j, 1.0, 1.0, None, Joint('r', 'rotation', 1.0)),
         Body('d', 0, 0j, 0.0, 1.0, 0j, 1.0, 1.0, None, Joint('t', 'rotation', 1.0)),
         Body('e', 2, 0j, 0.0, 1.0, 0j, 1.0, 1.0)))
     assert str(plan_of(everything)) == (
-        '3 links, 3 joints; uses slides, branches, gravity, armature, damping, spring, friction, '
+        '3 links, 3 joints; uses slides, branches, gravity, armature, damping, spring, preload, friction, '
         'effort limits, stops, welded bodies merged: 1; skips bent links')
     assert 'method rk4, order 4' in pcs.Simulation(uniform_rods(1), 'rk4').plan
 
