@@ -12,6 +12,7 @@ from typing import Optional
 from .chain import BASE, Body, Chain, ChainError, inertia_about_center, Joint, POINT_MASS, steiner_term
 from .chain_section import clipped, MISSING, plain, Section, shown, suggestion
 from .hold import read_hold, weld
+from .visual import read_visual
 
 CHAIN_KEYS = ('name', 'gravity', 'bodies', 'hold')
 BODY_KEYS = ('name', 'carrier', 'origin', 'angle', 'mass', 'center_of_mass', 'inertia', 'inertia_com', 'slide',
@@ -85,12 +86,9 @@ def read_body(section, entries, indices, owners) -> Body:
     mass, center_of_mass, inertia, inertia_com = read_mass(section)
     slide = read_joint(section, 'slide', name, owners)
     rotation = read_joint(section, 'rotation', name, owners)
-    visual = section.data.get('visual')
-    if visual is not None and not isinstance(visual, dict):
-        section.fail('visual', f'is {shown(visual)}, must be a mapping')
     return Body(name=name, carrier=carrier, origin=section.vector('origin', 0j, 'm'),
                 angle=section.number('angle', 0.0, 'rad'), mass=mass, center_of_mass=center_of_mass, inertia=inertia,
-                inertia_com=inertia_com, slide=slide, rotation=rotation, visual=plain(visual) if visual else {},
+                inertia_com=inertia_com, slide=slide, rotation=rotation, visual=read_visual(section),
                 given='inertia_com' if 'inertia_com' in section.data else 'inertia')
 
 

@@ -10,17 +10,17 @@ from .chain_yaml import load_chain
 from .command_line import add_hold, Mistake, Parser, refuse_hold, run_command
 from .path_matrix import motion_of_joints, path_matrix
 from .simulation import rollout, Run
+from .visual import body_color, COLORS, own_end
 
 INK, PAPER = '#1f2933', '#ffffff'
-COLORS = ('#0b6e99', '#d9730d', '#448361', '#9065b0', '#c14c8a', '#cb912f', '#787774')
 
 
 def body_lines(chain: Chain, position) -> list:
     """
     Return for each body its segments (start, end), complex, m: from its joint point to what it carries.
 
-    A body that carries nothing ends as far beyond its mass centre as that lies from the joint point. Joint points are
-    prefix sums, r_P = P^T (r + p) as in (5.71).
+    Or as far as its `visual` says; a body that carries nothing ends as far beyond its mass centre as that lies from the
+    joint point. Joint points are prefix sums, r_P = P^T (r + p) as in (5.71).
     """
     G, offset = motion_of_joints(chain)
     phi, x = np.split(G @ position + offset, [len(chain.bodies)])
@@ -30,10 +30,14 @@ def body_lines(chain: Chain, position) -> list:
     steps = (np.array([body.origin for body in chain.bodies]) + x * axis) * np.exp(1j * phi_)
     points = path_matrix(chain).T @ steps
     lines = []
+    carried = [[] for _ in chain.bodies]
+    for k, c in enumerate(carrier):
+        if c != BASE:
+            carried[c].append(points[k])
     for i, body in enumerate(chain.bodies):
-        ends = [points[k] for k, c in enumerate(carrier) if c == i]
-        tip = points[i] + 2.0 * body.center_of_mass * np.exp(1j * phi[i])
-        lines.append([(points[i], end) for end in ends or [tip]])
+        own = own_end(body) or ([] if carried[i] else [2.0 * body.center_of_mass])
+        ends = [points[i] + end * np.exp(1j * phi[i]) for end in own] or carried[i]
+        lines.append([(points[i], end) for end in ends])
     return lines
 
 
@@ -50,19 +54,20 @@ def draw_motion(chain: Chain, run: Run, path: str, moments: int = 26, shown: flo
     figure, (left, right) = pyplot.subplots(1, 2, figsize=(11.0, 4.6), width_ratios=(1.0, 1.35), facecolor=PAPER)
     last = min(len(run.time) - 1, round(shown / (run.time[1] - run.time[0])))
     ticks = np.linspace(0, last, moments).round().astype(int)
+    colors = [body_color(chain, i) for i in range(len(chain.bodies))]
     for k, tick in enumerate(ticks):
         for i, segments in enumerate(body_lines(chain, run.position[tick])):
             for start, end in segments:
-                left.plot([start.real, end.real], [start.imag, end.imag], '-o', color=COLORS[i % len(COLORS)],
-                          alpha=0.12 + 0.88 * (k / (moments - 1))**2, linewidth=3.2 if tick == last else 1.6,
-                          markersize=3.0, solid_capstyle='round', zorder=k)
+                left.plot([start.real, end.real], [start.imag, end.imag], '-o', color=colors[i][:3],
+                          alpha=colors[i][3] * (0.12 + 0.88 * (k / (moments - 1))**2),
+                          linewidth=3.2 if tick == last else 1.6, markersize=3.0, solid_capstyle='round', zorder=k)
     left.plot([0], [0], marker='^', color=INK, markersize=9, zorder=0)
     left.set(aspect='equal', xlabel='x, m', ylabel='y, m', title=f'the first {run.time[last]:g} s')
     names = list(chain.joint_names)
     for i, body in enumerate(chain.bodies):   # a joint has the colour of its body, a slide is dashed
         for joint, style, unit in ((body.slide, '--', 'm'), (body.rotation, '-', 'rad')):
             if joint is not None:
-                right.plot(run.time, run.position[:, names.index(joint.name)], style, color=COLORS[i % len(COLORS)],
+                right.plot(run.time, run.position[:, names.index(joint.name)], style, color=colors[i][:3],
                            label=f'{joint.name}, {unit}')
     right.set(xlabel='time, s', title='joint positions', xlim=(0.0, run.time[-1]))
     right.legend(frameon=False, fontsize=8, loc='upper right')

@@ -5,7 +5,7 @@ from geometry_msgs.msg import Point
 from visualization_msgs.msg import Marker, MarkerArray
 
 from ..pictures import body_lines
-from ..urdf_writer import body_color, COLORS
+from ..visual import body_color
 
 PERIOD = 1.0 / 30.0  # s
 WIDTH = 0.03         # m, of a line
