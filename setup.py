@@ -50,6 +50,7 @@ setup(
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
         (f'share/{NAME}/config', sorted(glob('config/*.yaml'))),
+        (f'share/{NAME}/launch', ['launch/view.launch.py', 'launch/view.rviz']),
     ],
     include_package_data=False,  # the kernel is installed compiled, its sources stay here
     zip_safe=False,
@@ -97,5 +98,6 @@ setup(
         f'resimulate = {NAME}.recording.resimulation:main',
         f'benchmark = {NAME}.benchmark.command_line:main',
         f'equations = {NAME}.symbolic.command_line:main',
+        f'urdf = {NAME}.urdf_writer:main',
     ]},
 )

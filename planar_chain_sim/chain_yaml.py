@@ -21,6 +21,7 @@ from .chain import Chain, ChainError
 from .chain_checks import build_chain, data_of
 from .chain_section import clipped, LinedDict, MAX_DEPTH, MAX_ITEMS, MAX_KEYS, plain, suggestion
 from .hold import Hold, read_hold
+from .robot_file import refuse_other_formats
 
 LOADER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
 DUMPER = getattr(yaml, 'CSafeDumper', yaml.SafeDumper)
@@ -64,6 +65,7 @@ def chain_from_text(text: Union[str, bytes], name: str = '<text>', hold: Hold = 
     """Return the chain of a text, YAML or URDF (bytes: UTF-8); `name` is the file's in ChainError sentences."""
     if len(text) > MAX_BYTES:
         raise ChainError(f'{name}: is longer than {MAX_BYTES // 2**20} MiB, must be a chain file in YAML')
+    refuse_other_formats(text[:16], name)
     if isinstance(text, bytes):
         text = decoded(text, name)
     strange = UNPRINTABLE.search(text)
@@ -71,8 +73,8 @@ def chain_from_text(text: Union[str, bytes], name: str = '<text>', hold: Hold = 
         line = text.count('\n', 0, strange.start()) + 1
         raise ChainError(f'{name} line {line}: holds the character {strange.group()!r}, must be printable text')
     if text.lstrip().startswith('<'):   # no YAML mapping does
-        from .urdf_reader import chain_from_urdf
-        return chain_from_urdf(text, name, read_hold(hold))
+        from .robot_file import chain_from_robot_file
+        return chain_from_robot_file(text, name, read_hold(hold))
     data = Composer(name).compose(text)
     if hold:
         data['hold'] = {**read_hold(data.get('hold')), **read_hold(hold)}

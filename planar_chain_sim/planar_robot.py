@@ -62,25 +62,30 @@ class SpatialJoint:
 
 
 class SpatialRobot(NamedTuple):
-    """A tree: `links` by name, `joints` in an order in which a parent comes before its children."""
+    """
+    A tree: `links` by name, `joints` in an order in which a parent comes before its children.
+
+    `gravity`: m/s^2 in the root's frame.
+    """
 
     name: str
     root: str
     links: dict
     joints: list
+    gravity: tuple = (0.0, 0.0, -GRAVITY)
 
 
 class Plane(NamedTuple):
-    """`basis` (3, 3): rows x, y and normal in the root's frame; `across`: the slides along the normal, by name."""
+    """
+    `basis` (3, 3): rows x, y and normal in the root's frame; `across`: the slides along the normal, by name.
+
+    `gravity` (3,): its components along x, y and the normal, m/s^2.
+    """
 
     basis: np.ndarray
     across: frozenset
     largest_angle: float
-
-    @property
-    def gravity(self) -> np.ndarray:
-        """Components of gravity along x, y and the normal, m/s^2."""
-        return self.basis @ [0.0, 0.0, -GRAVITY]
+    gravity: np.ndarray
 
 
 def planar_data(robot: SpatialRobot, name: str) -> tuple[dict, Plane]:
@@ -128,7 +133,7 @@ def turn_about(axis: np.ndarray, angle: float) -> np.ndarray:
     return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
 
 
-def _child_place(joint, turn: np.ndarray, shift: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def child_place(joint, turn: np.ndarray, shift: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return rotation and position of a joint's child from those of its parent."""
     turn, shift = turn @ joint.turn, shift + turn @ joint.shift
     if joint.held is not None and joint.kind == 'rotation':
@@ -142,7 +147,7 @@ def _place(robot, name: str) -> dict:
     """Return link -> (rotation, position) against the root where all joints that move read 0."""
     places = {robot.root: (np.eye(3), np.zeros(3))}
     for joint in robot.joints:
-        turn, shift = _child_place(joint, *places[joint.parent])
+        turn, shift = child_place(joint, *places[joint.parent])
         if not (np.isfinite(turn).all() and np.isfinite(shift).all()):
             raise ChainError(f"{name}: joint '{clipped(joint.name)}' has a place that is not finite, must be one")
         places[joint.child] = turn, shift
@@ -168,7 +173,7 @@ def _straightened(robot, places, plane: Plane) -> dict:
         sums[joint.parent] = sums[joint.parent] + sums[joint.child]
     straight = {robot.root: places[robot.root]}
     for joint in robot.joints:
-        (turn, shift), (whole, place) = (_child_place(joint, *where[joint.parent]) for where in (straight, places))
+        (turn, shift), (whole, place) = (child_place(joint, *where[joint.parent]) for where in (straight, places))
         if joint.moves and joint.kind == 'rotation':
             axis, wanted = turn @ joint.axis, np.sign(normal @ turn @ joint.axis) * normal
             total = sums[joint.child]
@@ -213,7 +218,8 @@ def _plane(robot, places, name: str) -> Plane:
         x = np.array([1.0, 0.0, 0.0]) - normal[0] * normal
         x /= np.linalg.norm(x)
         y = np.cross(normal, x)
-    return Plane(np.array([x, y, normal]), lengthwise, float(off.max()))
+    basis = np.array([x, y, normal])
+    return Plane(basis, lengthwise, float(off.max()), basis @ robot.gravity)
 
 
 def _candidates(axes: np.ndarray, turns: np.ndarray) -> list:
@@ -343,3 +349,33 @@ def _lifts(robot, places, plane: Plane, carried) -> dict:
             slide['armature'] = slide.get('armature', 0.0) + mass
         lifts[name] = carrier, {'mass': parts[name] if name in stacked else 0.0, 'inertia_com': 0.0, 'slide': slide}
     return lifts
+
+
+def account(robot: SpatialRobot, chain, plane: Plane) -> list:
+    """Return what is told of a robot's file: joints, plane, gravity and what was done to them."""
+    x, y, _ = plane.basis
+    parts = [f'joints {quoted(chain.joint_names, 16)}',
+             f'plane with x along {_direction(x)} and y along {_direction(y)} of link '
+             f"'{clipped(robot.root)}'",
+             f'gravity [{chain.gravity.real:.6g}, {chain.gravity.imag:.6g}] m/s^2']
+    if plane.largest_angle > EXACT:
+        parts.append(f'axes projected on the plane, from which they differ by up to {plane.largest_angle:.2g} rad')
+    if plane.across:
+        parts.append(f'along its normal, on their own, slide {quoted(plane.across)}')
+    held = [f"'{clipped(joint.name)}' at {joint.held:g}" for joint in robot.joints if joint.held is not None]
+    if held:
+        parts.append('held: ' + listed(held))
+    return parts
+
+
+def listed(texts: list, most: int = 6) -> str:
+    """Return texts joined by commas, the first `most` of them."""
+    return ', '.join(texts[:most]) + (f' and {len(texts) - most} more' if len(texts) > most else '')
+
+
+def _direction(vector: np.ndarray) -> str:
+    for sign in ('', '-'):
+        for axis, unit in zip('xyz', np.eye(3)):
+            if np.allclose(vector, unit if not sign else -unit, rtol=0.0, atol=5e-4):
+                return sign + axis
+    return '(' + ', '.join(f'{part + 0.0:.3g}' for part in vector) + ')'

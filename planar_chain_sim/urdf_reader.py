@@ -15,7 +15,7 @@ import numpy as np
 
 from .chain import Chain, ChainError, RobotFileNote
 from .chain_section import clipped, suggestion
-from .planar_robot import EXACT, Link, planar_data, quoted, SpatialJoint, SpatialRobot
+from .planar_robot import account, Link, listed, planar_data, quoted, SpatialJoint, SpatialRobot
 from .urdf_writer import UNLIMITED
 from .xml_elements import Element, read_xml
 
@@ -46,9 +46,9 @@ def chain_from_urdf(text: str, name: str, hold: dict) -> Chain:
         chain = chain_from_dict(data)
     except ChainError as error:
         raise ChainError(f'{name}: {error}') from None
-    warnings.warn(f'{name}: {reader.account(robot, chain, plane)}', RobotFileNote, stacklevel=4)
+    warnings.warn(f'{name}: {reader.account(robot, chain, plane)}', RobotFileNote, stacklevel=5)
     if reader.powerless:
-        warnings.warn(f'{name}: effort limit 0 at {quoted(reader.powerless)}, taken as no limit', stacklevel=4)
+        warnings.warn(f'{name}: effort limit 0 at {quoted(reader.powerless)}, taken as no limit', stacklevel=5)
     return chain
 
 
@@ -308,7 +308,8 @@ class Reader:
             lower, upper = (float(self.numbers(limit, key, (0.0,), where)[0]) for key in ('lower', 'upper'))
             if lower < upper:
                 laws.update(lower=lower, upper=upper)
-            elif told:
+            elif told and (element.get('type') == 'revolute' or limit is None or limit.get('lower') or
+                           limit.get('upper')):    # a slide whose limit has no ends is one without, as ours are
                 self.unstopped.append(f"'{clipped(name)}' ({lower:g} to {upper:g})" if limit is not None else
                                       f"'{clipped(name)}' (no limits)")
         if limit is not None and limit.get('effort') is not None:
@@ -382,33 +383,16 @@ class Reader:
 
     def account(self, robot: SpatialRobot, chain: Chain, plane) -> str:
         """Return one line: joints, plane, gravity, what was done to them, what is not used."""
-        x, y, normal = plane.basis
-        parts = [f'joints {quoted(chain.joint_names, 16)}',
-                 f'plane with x along {_direction(x)} and y along {_direction(y)} of link '
-                 f"'{clipped(robot.root)}'",
-                 f'gravity [{chain.gravity.real:.6g}, {chain.gravity.imag:.6g}] m/s^2']
-        if plane.largest_angle > EXACT:
-            parts.append(f'axes projected on the plane, from which they differ by up to {plane.largest_angle:.2g} rad')
-        if plane.across:
-            parts.append(f'along its normal, on their own, slide {quoted(plane.across)}')
-        held = [f"'{clipped(joint.name)}' at {joint.held:g}" for joint in robot.joints if joint.held is not None]
-        for what, which in (('held: ', held), ('no stops at ', self.unstopped),
+        parts = account(robot, chain, plane)
+        for what, which in (('no stops at ', self.unstopped),
                             ('initial position moved to the stop at ', self.moved)):
             if which:
-                parts.append(what + ', '.join(which[:6]) + (f' and {len(which) - 6} more' if len(which) > 6 else ''))
+                parts.append(what + listed(which))
         if self.unused:
             parts.append('not used: ' + ', '.join(
                 what + (f' ({len(where)})' if len(where) > 1 else '') for what, where in
                 list(self.unused.items())[:12]))
         return '; '.join(parts)
-
-
-def _direction(vector: np.ndarray) -> str:
-    for sign in ('', '-'):
-        for axis, unit in zip('xyz', np.eye(3)):
-            if np.allclose(vector, unit if not sign else -unit, rtol=0.0, atol=5e-4):
-                return sign + axis
-    return '(' + ', '.join(f'{part + 0.0:.3g}' for part in vector) + ')'
 
 
 def _text_or_link(element) -> str:

@@ -15,10 +15,12 @@ from __future__ import annotations
 
 import cmath
 from math import hypot, inf, pi
+import sys
 from typing import NamedTuple
 from xml.etree import ElementTree
 
 from .chain import BASE, Chain, Joint
+from .command_line import Mistake, Parser, run_command
 from .visual import body_color, visual_ends
 
 UNLIMITED = 1e9  # N m, N, rad/s, m/s: stands for no limit where URDF demands one; the reader takes it as such
@@ -208,3 +210,32 @@ def _ros2_control(robot, chain: Chain, commands: str, states: str) -> None:
         for name, value in (('position', joint.position), ('velocity', joint.velocity), ('effort', 0.0)):
             state = ElementTree.SubElement(element, 'state_interface', name=name)
             ElementTree.SubElement(state, 'param', name='initial_value').text = _numbers(value)
+
+
+def main(arguments=None) -> int:
+    """Run the executable `urdf`."""
+    return run_command('urdf', _write, arguments)
+
+
+def _write(arguments) -> int:
+    from .chain_yaml import load_chain
+    parser = Parser('urdf', 'Write a chain as URDF: for robot_state_publisher, RViz, MuJoCo, Pinocchio and others.\n'
+                    'Springs and rotors are no part of a URDF; the initial state is in the <ros2_control> block.',
+                    'urdf four_link_robot.yaml --output four_link_robot.urdf')
+    parser.add_argument('chain', help='chain file, or another robot file that is read: MJCF, URDF')
+    parser.add_argument('--output', metavar='FILE', help='file to write; default: standard output')
+    parser.add_argument('--commands', metavar='TOPIC', default=COMMANDS,
+                        help=f'topic of commands in the <ros2_control> block; default {COMMANDS}')
+    parser.add_argument('--states', metavar='TOPIC', default=STATES, help=f'topic of states there; default {STATES}')
+    options = parser.parse_args(arguments)
+    text = urdf_of(load_chain(options.chain), options.commands, options.states)
+    if options.output is None:
+        sys.stdout.write(text)
+        sys.stdout.flush()
+        return 0
+    try:
+        with open(options.output, 'w', encoding='utf-8') as stream:
+            stream.write(text)
+    except (OSError, ValueError) as error:
+        raise Mistake(f'{options.output!r}: {getattr(error, "strerror", None) or error}') from None
+    return 0

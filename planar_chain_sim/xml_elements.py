@@ -47,8 +47,13 @@ class Element:
             waiting.extend(reversed(element.children))
 
 
-def read_xml(text: str, name: str, wanted: str = 'URDF') -> Element:
-    """Return the root element of a text; `name` is the file's in ChainError sentences, `wanted` what it should be."""
+def read_xml(text: str, name: str, wanted: str = 'URDF', depth: int = MAX_DEPTH,
+             elements: int = MAX_ELEMENTS) -> Element:
+    """
+    Return the root element of a text; `name` is the file's in ChainError sentences, `wanted` what it should be.
+
+    `depth`, `elements`: how deep it may be nested, and how many it may have.
+    """
     root, stack = None, []
 
     def fail(problem) -> NoReturn:
@@ -57,10 +62,10 @@ def read_xml(text: str, name: str, wanted: str = 'URDF') -> Element:
     def start(tag, attributes):
         nonlocal root, count
         count += 1
-        if len(stack) == MAX_DEPTH:
-            fail(f'is nested deeper than {MAX_DEPTH} elements, must be {wanted}')
-        if count > MAX_ELEMENTS:
-            fail(f'has more than {MAX_ELEMENTS} elements, must be {wanted} of fewer')
+        if len(stack) == depth:
+            fail(f'is nested deeper than {depth} elements, must be {wanted}')
+        if count > elements:
+            fail(f'has more than {elements} elements, must be {wanted} of fewer')
         element = Element(tag, attributes, parser.CurrentLineNumber)
         if stack:
             stack[-1][0].children.append(element)

@@ -1,4 +1,4 @@
-"""~/markers: the bodies as lines in the upright plane, for those who want no TF."""
+"""~/markers: the bodies as lines, for those who want no TF, in the frame that they name."""
 from __future__ import annotations
 
 from geometry_msgs.msg import Point
@@ -11,16 +11,23 @@ PERIOD = 1.0 / 30.0  # s
 WIDTH = 0.03         # m, of a line
 
 
-def marker_array(chain, stamp: int, position, frame_id: str) -> MarkerArray:
-    """Return a line list for each body at joint positions (joints,) of a time, ns, and one marker of joint points."""
+def marker_array(chain, frames, stamp: int, position, frame_id: str) -> MarkerArray:
+    """
+    Return a line list for each body at joint positions (joints,) of a time, ns, and one marker of joint points.
+
+    `frame_id`: a link of `frames` (LinkFrames), in whose frame they are drawn; any other is taken as the root's.
+    """
+    lines = [[end for line in lines for end in line] for lines in body_lines(chain, position)]
+    ends = [end for line in lines for end in line]
+    places = iter(frames.seen_from(frame_id, ends, dict(zip(chain.joint_names, position))))
     markers, points = [], []
-    for number, (body, lines) in enumerate(zip(chain.bodies, body_lines(chain, position))):
-        ends = [_point(end) for line in lines for end in line]
-        marker = _marker(Marker.LINE_LIST, body.name, ends, body_color(body, COLORS[number % len(COLORS)]))
+    for number, (body, line) in enumerate(zip(chain.bodies, lines)):
+        drawn = [Point(x=float(x), y=float(y), z=float(z)) for x, y, z in (next(places) for _ in line)]
+        marker = _marker(Marker.LINE_LIST, body.name, drawn, body_color(chain, number))
         marker.scale.x = WIDTH
         markers.append(marker)
-        points.append(ends[0])
-    marker = _marker(Marker.SPHERE_LIST, 'joint points', points, (0.2, 0.2, 0.2))
+        points.append(drawn[0])
+    marker = _marker(Marker.SPHERE_LIST, 'joint points', points, (0.2, 0.2, 0.2, 1.0))
     marker.scale.x = marker.scale.y = marker.scale.z = 1.5 * WIDTH
     markers.append(marker)
     for number, marker in enumerate(markers):
@@ -32,10 +39,5 @@ def marker_array(chain, stamp: int, position, frame_id: str) -> MarkerArray:
 def _marker(kind: int, name: str, points: list, color: tuple) -> Marker:
     marker = Marker(type=kind, ns=name, points=points, action=Marker.ADD)
     marker.pose.orientation.w = 1.0
-    marker.color.r, marker.color.g, marker.color.b = map(float, color)
-    marker.color.a = 1.0
+    marker.color.r, marker.color.g, marker.color.b, marker.color.a = map(float, color)
     return marker
-
-
-def _point(place: complex) -> Point:
-    return Point(x=float(place.real), y=0.0, z=float(place.imag))   # the plane stands upright, as in the URDF

@@ -1,0 +1,67 @@
+"""
+The simulator, robot_state_publisher and RViz, the last two where they are installed.
+
+ros2 launch planar_chain_sim view.launch.py chain:=seven_link_arm.yaml rviz:=false
+"""
+from pathlib import Path
+import sys
+
+try:
+    from ament_index_python.packages import get_package_prefix, PackageNotFoundError
+    from launch import LaunchDescription
+    from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction
+    from launch.substitutions import LaunchConfiguration
+    from launch_ros.actions import Node
+except ImportError as error:
+    print(f'view.launch.py: needs launch and launch_ros ({error}), must be run by ros2 launch where ROS 2 is installed '
+          '(apt install ros-jazzy-launch-ros)', file=sys.stderr)
+    sys.exit(2)
+
+NAME = 'planar_chain_sim'
+
+
+def installed(package):
+    """Tell whether a ROS package is installed."""
+    try:
+        return bool(get_package_prefix(package))
+    except PackageNotFoundError:
+        return False
+
+
+def description_of(chain):
+    """Return the URDF of a chain file: a URDF itself as it stands."""
+    from planar_chain_sim.chain_yaml import find_chain_file, load_chain
+    from planar_chain_sim.urdf_writer import urdf_of
+    if chain.endswith('.urdf'):
+        return find_chain_file(chain).read_text()
+    return urdf_of(load_chain(chain))
+
+
+def start(context):
+    """Return the nodes, and a line for each that is not installed."""
+    chain = LaunchConfiguration('chain').perform(context)
+    viewer = installed('robot_state_publisher')
+    actions = [Node(package=NAME, executable='simulator', output='screen', parameters=[{
+        'chain_file': chain, 'publish_robot_description': not viewer,
+        'publish_tf': not viewer and installed('tf2_msgs')}])]
+    if viewer:
+        actions.append(Node(package='robot_state_publisher', executable='robot_state_publisher', parameters=[{
+            'robot_description': description_of(chain), 'publish_frequency': 50.0}]))
+    else:
+        actions.append(LogInfo(msg='robot_state_publisher is not installed (apt install '
+                               'ros-jazzy-robot-state-publisher): the simulator publishes TF itself where it can'))
+    if LaunchConfiguration('rviz').perform(context).lower() in ('true', '1'):
+        if installed('rviz2'):
+            view = str(Path(__file__).with_name('view.rviz'))
+            actions.append(Node(package='rviz2', executable='rviz2', arguments=['-d', view]))
+        else:
+            actions.append(LogInfo(msg='rviz2 is not installed (apt install ros-jazzy-rviz2): nothing is drawn'))
+    return actions
+
+
+def generate_launch_description():
+    """Return what ros2 launch starts."""
+    return LaunchDescription([
+        DeclareLaunchArgument('chain', default_value='four_link_robot.yaml', description='chain file, URDF or MJCF'),
+        DeclareLaunchArgument('rviz', default_value='true', description='start RViz too'),
+        OpaqueFunction(function=start)])

@@ -1,0 +1,85 @@
+"""
+Where the links of a URDF are in space at joint positions: what TF tells, and markers in the frame that they name.
+
+Also of a robot whose plane lies anyhow in its root's frame.
+"""
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from .planar_robot import child_place, planar_data
+from .urdf_reader import Reader
+from .xml_elements import read_xml
+
+
+class Transform(NamedTuple):
+    """Where the frame of link `child` is in that of link `parent`: rotation (3, 3) and position (3,), m."""
+
+    parent: str
+    child: str
+    turn: np.ndarray
+    shift: np.ndarray
+
+
+class LinkFrames:
+    """Frames of the links of a URDF that the reader takes; `hold` as there."""
+
+    def __init__(self, urdf: str, hold: Mapping = {}):
+        self._robot = Reader(read_xml(urdf, 'the URDF'), 'the URDF').robot(dict(hold))
+        self._joints = {joint.child: joint for joint in self._robot.joints}
+        self._plane = planar_data(self._robot, 'the URDF')[1].basis[:2]
+
+    @property
+    def root(self) -> str:
+        """Name of the link that no joint carries."""
+        return self._robot.root
+
+    @property
+    def links(self) -> tuple:
+        """Names of all links, the root first."""
+        return self.root, *self._joints
+
+    def fixed(self) -> list[Transform]:
+        """Return what never changes: links behind fixed and held joints."""
+        return [self._transform(joint, {}) for joint in self._robot.joints if not joint.moves]
+
+    def moving(self, position: Mapping) -> list[Transform]:
+        """Return the links behind joints that move; `position`: joint -> rad or m."""
+        return [self._transform(joint, position) for joint in self._robot.joints if joint.moves]
+
+    def _transform(self, joint, position: Mapping) -> Transform:
+        if joint.moves:
+            joint = replace(joint, held=position[joint.name])
+        return Transform(joint.parent, joint.child, *child_place(joint, np.eye(3), np.zeros(3)))
+
+    def pose(self, link: str, position: Mapping) -> tuple[np.ndarray, np.ndarray]:
+        """Return rotation (3, 3) and position (3,), m, of a link in the root's frame."""
+        way = []
+        while link != self.root:
+            way.append(self._joints[link])
+            link = way[-1].parent
+        turn, shift = np.eye(3), np.zeros(3)
+        for joint in reversed(way):
+            step = self._transform(joint, position)
+            turn, shift = turn @ step.turn, shift + turn @ step.shift
+        return turn, shift
+
+    def seen_from(self, link: str, points, position: Mapping) -> np.ndarray:
+        """Return points of the plane, complex (n,), m, in the frame of a link, (n, 3); of the root's for no link."""
+        points = np.asarray(points)
+        places = np.stack([points.real, points.imag], axis=1) @ self._plane
+        turn, shift = self.pose(link, position) if link in self._joints else (np.eye(3), np.zeros(3))
+        return (places - shift) @ turn
+
+
+def quaternion(turn: np.ndarray) -> np.ndarray:
+    """Return x, y, z, w of a rotation matrix, w >= 0: the eigenvector of the largest eigenvalue, exact for any turn."""
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = turn
+    matrix = np.array([[xx - yy - zz, yx + xy, zx + xz, zy - yz], [yx + xy, yy - xx - zz, zy + yz, xz - zx],
+                       [zx + xz, zy + yz, zz - xx - yy, yx - xy], [zy - yz, xz - zx, yx - xy, xx + yy + zz]])
+    vector = np.linalg.eigh(matrix)[1][:, -1]
+    return vector if vector[3] >= 0.0 else -vector
