@@ -26,12 +26,16 @@ class Transform(NamedTuple):
 
 
 class LinkFrames:
-    """Frames of the links of a URDF that the reader takes; `hold` as there."""
+    """
+    Frames of the links of a URDF that the reader takes; `hold` as there.
 
-    def __init__(self, urdf: str, hold: Mapping = {}):
+    `plane` (2, 3): the chain's x and y in the root's frame, where that is known, as of a URDF that we wrote.
+    """
+
+    def __init__(self, urdf: str, hold: Mapping = {}, plane=None):
         self._robot = Reader(read_xml(urdf, 'the URDF'), 'the URDF').robot(dict(hold))
         self._joints = {joint.child: joint for joint in self._robot.joints}
-        self._plane = planar_data(self._robot, 'the URDF')[1].basis[:2]
+        self._plane = planar_data(self._robot, 'the URDF')[1].basis[:2] if plane is None else np.array(plane)
 
     @property
     def root(self) -> str:

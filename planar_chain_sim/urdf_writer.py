@@ -28,6 +28,7 @@ THICKNESS = 0.08  # of a visual, by its length
 SHARE = 2.0**-10  # of mass and inertia that a carriage gets, where its body has as much to give
 LEAST_SHARE = 2.0**-44  # what it gets of a point mass, which has nothing to give: no other number notices it
 HARDWARE = 'topic_based_ros2_control/TopicBasedSystem'
+PLANE = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)   # the chain's x and y in the frame of `world`
 COMMANDS, STATES = '/simulator/joint_commands', '/joint_states'
 
 

@@ -132,7 +132,7 @@ def test_markers_stand_where_the_bodies_are(everything):
 def test_the_description_waits_for_those_who_come_later(everything):
     texts = everything.listen(String, '/left/robot_description', latched=True)
     everything.until(lambda: texts)
-    assert [message.data for message in texts] == [urdf_of(CHAIN)]
+    assert [message.data for message in texts] == [urdf_of(CHAIN, '/left/sim/joint_commands', '/left/joint_states')]
     model = pinocchio.buildModelFromXML(texts[0].data)
     assert set(CHAIN.joint_names) <= set(model.names)
 

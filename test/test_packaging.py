@@ -12,7 +12,7 @@ import planar_chain_sim
 
 ROOT = Path(__file__).resolve().parent.parent
 NAME = 'planar_chain_sim'
-EXECUTABLES = ['benchmark', 'equations', 'example_controller', 'replay', 'resimulate', 'rollout', 'simulator']
+EXECUTABLES = ['benchmark', 'equations', 'example_controller', 'replay', 'resimulate', 'rollout', 'simulator', 'urdf']
 LAYOUTS = {'copied': [], 'linked': ['--symlink-install']}
 NOT_SOURCES = shutil.ignore_patterns('.*', 'build', 'install', 'log', 'dist', '*.egg-info', '__pycache__', '_kernel*')
 

@@ -44,8 +44,11 @@ OUTPUTS = {
 # ... and what the service thread publishes, which no log holds.
 SIDE_OUTPUTS = {
     'diagnostics': Topic('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', 10),
-    'description': Topic('robot_description', 'std_msgs/msg/String', 1, latched=True),
+    'description': Topic('robot_description', 'std_msgs/msg/String', 1, latched=True,
+                         option='publish_robot_description'),
     'markers': Topic('~/markers', 'visualization_msgs/msg/MarkerArray', 1, option='publish_markers'),
+    'tf': Topic('/tf', 'tf2_msgs/msg/TFMessage', 100, option='publish_tf'),
+    'tf_static': Topic('/tf_static', 'tf2_msgs/msg/TFMessage', 1, latched=True, option='publish_tf'),
 }
 # 64 deep: with a depth of 1, one of two controllers that command within one tick would lose its message.
 COMMANDS = {

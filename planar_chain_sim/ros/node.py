@@ -87,6 +87,9 @@ def start_simulator(node, ending, stop, told=None):
     from .declaration import declare_chain_parameters, declare_parameters
 
     values = declare_parameters(node, **(told or {}))
+    if values['publish_tf']:
+        from .transforms import check_installed
+        check_installed()
     tell_of_clocks(node, values)
     # Topics first: while the chain is read, the others on the network find them.
     publishers = {key: create_publisher(node, topic) for key, topic in OUTPUTS.items()
@@ -141,22 +144,40 @@ def serve(node, ending, stop, simulator, chain, urdf, values, log, ends) -> None
     publishers = {key: create_publisher(node, topic) for key, topic in SIDE_OUTPUTS.items()
                   if (not topic.option or values[topic.option])
                   and not (key == 'description' and values['chain_file'] == ON_TOPIC)}
+    inputs, outputs = ends
     if 'description' in publishers:
         from std_msgs.msg import String
         from ..urdf_writer import urdf_of
-        publishers['description'].publish(String(data=urdf or urdf_of(chain)))
+        publishers['description'].publish(String(data=urdf or urdf_of(
+            chain, inputs['joint_commands'].topic_name, outputs['state'].topic_name)))
     let_set(node, chain, lambda given: simulator.ask('set_parameters', given))
     services.every(NEIGHBOURS_PERIOD, neighbours.look)
     services.every(PERIOD, Diagnostics(node.get_fully_qualified_name().lstrip('/'), simulator,
                                        publishers['diagnostics'], values, log, chain.name, neighbours).report)
-    if 'markers' in publishers:
+    if values['publish_markers'] or values['publish_tf']:
+        frames = frames_of(chain, urdf, values)
+    if values['publish_markers']:
         from .markers import marker_array, PERIOD as MARKER_PERIOD
-        frame_id = values['frame_id'] or 'world'
+        frame_id = values['frame_id'] or frames.root
+        if frame_id not in frames.links:
+            node.get_logger().warning(f"parameter 'frame_id' is {frame_id!r:.80}, no link of the robot: markers are "
+                                      f'drawn in it as in {frames.root!r:.80}')
         services.every(MARKER_PERIOD, lambda: simulator.hold_ups.publish(
-            publishers['markers'].publish, marker_array(chain, *simulator.seen, frame_id)))
+            publishers['markers'].publish, marker_array(chain, frames, *simulator.seen, frame_id)))
+    if values['publish_tf']:
+        from .transforms import PERIOD as TF_PERIOD, TransformPublisher
+        services.every(TF_PERIOD, TransformPublisher(simulator, frames, chain.joint_names, publishers).publish)
     services.start()
     ending.callback(services.stop)
     ending.callback(simulator.halt)   # first of all: a service must not wait for a tick that takes long
+
+
+def frames_of(chain, urdf, values):
+    """Return the LinkFrames of the URDF that came, or of the chain's own."""
+    from ..hold import read_hold
+    from ..link_frames import LinkFrames
+    from ..urdf_writer import PLANE, urdf_of
+    return LinkFrames(urdf, read_hold(values['hold'])) if urdf else LinkFrames(urdf_of(chain), plane=PLANE)
 
 
 def tell_of_clocks(node, values) -> None:

@@ -56,8 +56,8 @@ class Row(NamedTuple):
 
 PARAMETERS = (
     Row('chain_file', 'four_link_robot.yaml',
-        'Chain to simulate (YAML, or URDF of a planar robot); a relative path is looked for in the working directory, '
-        "then in the package; 'robot_description' waits for the URDF on that topic."),
+        'Chain to simulate (YAML, or URDF or MJCF of a planar robot); a relative path is looked for in the working '
+        "directory, then in the package; 'robot_description' waits for the URDF on that topic."),
     Row('hold', [], "Joints of it that are welded: 'joint' where it is at the start, 'joint=value' there (rad or m)."),
     Row('method', 'auto', "Integration method, or 'auto'.", choices=('auto', *METHODS)),
     Row('rate', 1000.0, 'Ticks per simulated second: commands act and states are logged by ticks.', (1.0, 1e5),
@@ -82,7 +82,11 @@ PARAMETERS = (
         (-FARTHEST, FARTHEST), of_chain=(NUMBERS, lambda chain: [0.0, 0.0]), unit='m'),
     Row('publish_clock', False, 'Publish simulated time on /clock and stamp states with it.'),
     Row('publish_markers', False, 'Publish the bodies on ~/markers, 30 times a second at most.'),
-    Row('frame_id', '', 'header.frame_id of the joint states.'),
+    Row('publish_tf', False, 'Publish the frames of all links on /tf and /tf_static, 50 times a second at most; for '
+        'use without robot_state_publisher.'),
+    Row('publish_robot_description', True, "Publish the chain's URDF on robot_description."),
+    Row('frame_id', '', "header.frame_id of the joint states and the markers, which are drawn in that link's frame: "
+        'world (the plane stands upright), base_link (it is x-y there) or a body; empty: world for markers.'),
     Row('record', '', 'MCAP log to write, a new file; empty: no log.'),
     Row('record_flush_period', 0.5, 'Time of log that a killed process can lose at most.', (0.01, 3600.0), unit='s'),
     Row('on_log_failure', 'go_on', 'When the log can be written no more, as on a full disk: tell it and go on, or stop '
