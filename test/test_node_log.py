@@ -1,8 +1,14 @@
 """What a live run leaves behind: every tick, the commands and the changes, and so the same run again."""
+from contextlib import suppress
 import json
+import os
 import re
+import resource
 import signal
+import subprocess
+import sys
 
+from diagnostic_msgs.msg import DiagnosticArray
 from live import Peer, run, simulator, stamp_ns
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
@@ -13,7 +19,7 @@ from rosbags.typesys import get_typestore, Stores
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
-from planar_chain_sim import load_chain
+from planar_chain_sim import load_chain, rollout
 from planar_chain_sim.recording.cdr import decode_joint_state, decode_string
 from planar_chain_sim.recording.log_reader import read_log
 
@@ -201,3 +207,142 @@ def test_stops_and_sticking_are_events_of_the_log_that_runs_again(tmp_path):
     assert 'stuck' in {event['kind'] for event in events(path) if event['data'].get('joint') == 'swing'}
     code, words = resimulate(path)
     assert code == 0, words
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    """Yield a folder that holds 600 kB, and what to do in a process that is to feel it: a real disk where we may."""
+    folder = tmp_path / 'small'
+    folder.mkdir()
+    mounted = subprocess.run(['mount', '-t', 'tmpfs', '-o', 'size=600k', 'tmpfs', folder], capture_output=True)
+    if mounted.returncode:   # not for everybody; a limit of the size of files fails in the same place
+        yield folder, lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (600_000, 600_000))
+    else:
+        yield folder, None
+        subprocess.run(['umount', '--lazy', folder], check=True)
+
+
+def test_a_full_disk_does_not_end_the_physics(small_disk):
+    """It is told by an event, a line and diagnostics; what fitted runs again; the motion goes on as if unrecorded."""
+    folder, limit = small_disk
+    path = folder / 'run.mcap'
+    with simulator(chain_file='double_pendulum.yaml', rate=2000, publish_rate=500, publish_clock=True, record=path,
+                   preexec_fn=limit) as process, Peer() as peer:
+        diagnostics = peer.listen(DiagnosticArray, '/diagnostics')
+        sentence = process.wait_for('writing stopped').partition(']: ')[2]
+        assert sentence.startswith(f"log '{path}': writing stopped, ") and sentence.endswith(
+            ('No space left on device', 'File too large'))
+        peer.meet()
+        peer.until(lambda: [status for message in diagnostics for status in message.status
+                            if status.name == 'simulator: log' and status.level == status.ERROR
+                            and status.message == sentence])
+        last = peer.new_state()
+        later = peer.new_state(lambda state: stamp_ns(state) > stamp_ns(last) + 500_000_000)
+        assert process.stop() == 0, process.output
+    assert process.lines[-1] == f'simulator: {sentence}' and 'Traceback' not in process.output
+    code, words = resimulate(path)
+    assert code == 0 and 'not closed properly' in words
+    tick = round(stamp_ns(later) * 2e-6)   # simulated time, as the node is the clock
+    alone = rollout(load_chain('double_pendulum.yaml'), tick / 2000, step=1 / 2000)
+    assert alone.position[-1].tolist() == list(later.position)
+
+
+def test_a_full_disk_ends_it_where_that_is_wanted(small_disk):
+    folder, limit = small_disk
+    path = folder / 'run.mcap'
+    with simulator(rate=2000, record=path, on_log_failure='stop', preexec_fn=limit) as process:
+        assert process.finish() == 2
+    assert re.fullmatch(f"simulator: log '{path}': writing stopped, (No space left on device|File too large)",
+                        process.lines[-1])
+
+
+def test_a_disk_that_is_full_when_the_log_is_closed_is_told(small_disk):
+    """Nothing but the summary does not fit: the node hears of it when it ends."""
+    folder, limit = small_disk
+    if limit:
+        pytest.skip('no disk of our own can be mounted here')
+    path = folder / 'run.mcap'
+    with simulator(chain_file='double_pendulum.yaml', rate=10, record=path, record_flush_period=3600.0) as process, \
+            Peer() as peer:
+        peer.until(lambda: len(peer.states) > 10)
+        with open(folder / 'filler', 'wb', buffering=0) as filler, suppress(OSError):
+            while True:
+                filler.write(bytes(4096))
+        assert process.stop() == 0
+    assert process.lines[-1] == f"simulator: log '{path}': writing stopped, No space left on device"
+
+
+@pytest.mark.parametrize('program, arguments', [
+    ('recording.rollout', ['four_link_robot.yaml', '--duration', '20']),
+    ('recording.rollout', ['four_link_robot.yaml', '--duration', '20', '--compression', 'zstd'])])
+def test_rollout_on_a_full_disk_is_one_sentence(small_disk, program, arguments):
+    folder, limit = small_disk
+    code, words = run(f'planar_chain_sim.{program}', *arguments, '--output', folder / 'run.mcap', preexec_fn=limit)
+    assert code == 2 and 'Traceback' not in words and 'Exception' not in words, words
+    assert re.fullmatch(f"rollout: log '{folder / 'run.mcap'}': writing stopped, (No space left on device|File too "
+                        'large)', words.splitlines()[-1])
+
+
+def test_resimulate_with_its_output_on_a_full_disk_never_says_different(held):
+    with open('/dev/full', 'wb') as full:
+        ended = subprocess.run([sys.executable, '-m', 'planar_chain_sim.recording.resimulation', held[0]], stdout=full,
+                               stderr=subprocess.PIPE, text=True)
+    assert ended.returncode == 2 and ended.stderr.count('\n') == 1, ended.stderr
+    assert ended.stderr.startswith('resimulate: ') and 'No space left on device' in ended.stderr
+
+
+def replace_file(path):
+    path.rename(path.with_name('moved.mcap'))
+    path.write_bytes(b'another')
+
+
+@pytest.mark.parametrize('harm, told, lost', [
+    (lambda path: path.unlink(), 'the file has been deleted, what is recorded will be lost', True),
+    (lambda path: path.rename(path.with_name('moved.mcap')), 'the file has been moved away', False),
+    (replace_file, 'another file has this name now', False),
+    (lambda path: os.truncate(path, 1000), 'somebody has cut the file short', True)])
+def test_a_log_that_somebody_takes_away_is_told_and_the_physics_goes_on(harm, told, lost, tmp_path):
+    path = tmp_path / 'run.mcap'
+    with simulator(record=path) as process, Peer() as peer:
+        diagnostics = peer.listen(DiagnosticArray, '/diagnostics')
+        peer.meet()
+        peer.new_state(lambda state: path.stat().st_size > 10_000)
+        harm(path)
+        peer.until(lambda: any('"log_failure"' in event.data and told in event.data for event in peer.events))
+        peer.until(lambda: [status for message in diagnostics for status in message.status
+                            if status.name == 'simulator: log' and status.level != status.OK
+                            and told in status.message])
+        peer.new_state()
+        assert process.stop() == 0, process.output
+    assert told in process.output and 'Traceback' not in process.output
+    if not lost:
+        moved = tmp_path / 'moved.mcap'
+        assert read_log(moved).complete
+        code, words = resimulate(moved)
+        assert code == 0, words
+
+
+@pytest.mark.parametrize('program, arguments', [
+    ('ros.node', ['--ros-args', '-p', 'record:=run.mcap']), ('recording.rollout', ['double_pendulum.yaml']),
+    ('recording.resimulation', ['run.mcap']), ('ros.replay', ['run.mcap'])])
+def test_a_missing_mcap_is_one_sentence(program, arguments, tmp_path):
+    blocked = (f"import sys; sys.modules['mcap'] = None; from planar_chain_sim.{program} import main; "
+               f'sys.exit(main({arguments!r}))')
+    ended = subprocess.run([sys.executable, '-c', blocked], capture_output=True, text=True, cwd=tmp_path)
+    assert ended.returncode == 2 and ended.stderr.count('\n') == 1, ended.stderr
+    assert "log 'run.mcap'" in ended.stderr or "log 'double_pendulum.mcap'" in ended.stderr
+    assert 'logs need the Python package mcap, which is not installed' in ended.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize('program, arguments', [('ros.node', []), ('symbolic.command_line', ['double_pendulum.yaml'])])
+def test_who_needs_no_log_needs_no_mcap(program, arguments, tmp_path):
+    blocked = (f"import sys; sys.modules['mcap'] = None; from planar_chain_sim.{program} import main; "
+               f'sys.exit(main({arguments!r}))')
+    with subprocess.Popen([sys.executable, '-c', blocked], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+                          cwd=tmp_path) as process:
+        for line in process.stdout:
+            assert 'mcap' not in line
+            if 'running' in line:
+                process.terminate()
+    assert process.returncode == 0
