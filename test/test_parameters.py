@@ -11,13 +11,15 @@ import warnings
 
 from live import CONFIG, Peer, Process, run, simulator
 import pytest
+from rcl_interfaces.msg import Parameter as ParameterMessage, ParameterValue
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
 from planar_chain_sim import load_chain, rollout
-from planar_chain_sim.command_line import Mistake
+from planar_chain_sim.command_line import Mistake, sentence_of
 from planar_chain_sim.recording.cdr import decode_joint_state, decode_string
 from planar_chain_sim.recording.log_reader import read_log
 from planar_chain_sim.ros.arguments import unheard
@@ -229,8 +231,11 @@ def test_every_parameter_at_its_extremes_starts_or_is_one_sentence(started, fami
         try:
             started(*arguments)
             ran += 1
-        except Mistake as mistake:   # whatever else is raised is a bug
-            assert '\n' not in str(mistake) and '.c:' not in str(mistake), given
+        except Exception as error:
+            sentence = sentence_of(error)
+            if sentence is None:
+                raise   # a bug, which a user would see as a traceback
+            assert '\n' not in sentence and '.c:' not in sentence, given
     assert ran > 3, 'a family that is always refused shows nothing'
     assert 'Traceback' not in capfd.readouterr().err
 
@@ -459,3 +464,28 @@ def test_whole_numbers_beside_decimals_are_explained(text, correct, tmp_path):
     code, words = run('planar_chain_sim.ros.node', '--ros-args', *path)
     assert (code, words) == (2, f"simulator: parameter file '{path[1]}' line 3: 'gravity' mixes whole numbers and "
                              f'decimals in a list, which ROS refuses: write {correct}')
+
+
+@pytest.mark.parametrize('service', [SetParameters, SetParametersAtomically])
+def test_a_parameter_of_a_type_that_there_is_not_is_refused(service):
+    with simulator() as process, Peer() as peer:
+        peer.meet()
+        name = 'set_parameters' + ('_atomically' if service is SetParametersAtomically else '')
+        client = peer.node.create_client(service, f'/simulator/{name}')
+        peer.until(client.service_is_ready)
+        strange = ParameterMessage(name='command_timeout', value=ParameterValue(type=77))
+        answer = peer.ask(client.call_async(service.Request(parameters=[strange, strange])))
+        results = [answer.result] if service is SetParametersAtomically else answer.results
+        assert {(result.successful, result.reason) for result in results} == {
+            (False, "parameter 'command_timeout' is of a type 77, which ROS does not have")}
+        assert peer.set(command_timeout=1.0) == [(True, '')]
+        assert process.stop() == 0, process.output
+
+
+@pytest.mark.parametrize('parameters, sentence', [
+    (('tolerance:=1.0',), "parameter 'tolerance' is 1.0, must be below 1"),
+    (('tolerance:=1e-9', 'method:=rk4'), "parameter 'tolerance' is 1e-09, must be 0: method 'rk4' has a fixed step")])
+def test_values_that_do_not_go_together_are_one_sentence(declared, parameters, sentence):
+    with pytest.raises(Mistake) as mistake:
+        declared(*parameters)
+    assert str(mistake.value) == sentence

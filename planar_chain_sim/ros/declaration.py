@@ -5,10 +5,11 @@ from difflib import get_close_matches
 from typing import Callable
 
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.parameter import Parameter
 
-from .parameters import (check_for_chain, check_publish_rate, check_quantity, checked, NUMBERS, PARAMETERS, Row, ROWS,
+from .parameters import (check_for_chain, check_quantity, check_together, checked, NUMBERS, PARAMETERS, Row, ROWS,
                          Value)
 from ..command_line import Mistake
 from ..quantities import QUANTITIES
@@ -40,7 +41,7 @@ def given_values(node, rows, **told: Value) -> dict[str, Value]:
 def declare_parameters(node, **told: Value) -> dict[str, Value]:
     """Declare the rows that need no chain and return name -> value; `told` and Mistake as given_values()."""
     values = given_values(node, PARAMETERS, **told)
-    check_publish_rate(values)
+    check_together(values)
     declare(node, values, ROWS)
     return values
 
@@ -77,6 +78,9 @@ def let_set(node, chain, apply: Callable[[dict[str, Value]], tuple[bool, str]]) 
         success, sentence = apply(values) if values else (True, '')
         return SetParametersResult(successful=success, reason='' if success else sentence)
 
+    for service in node.services:
+        if service.srv_type in (SetParameters, SetParametersAtomically):
+            service.callback = _refusing_strange_types(service.callback)
     node.add_pre_set_parameters_callback(convert)
     node.add_on_set_parameters_callback(take)
 
@@ -109,6 +113,24 @@ def _converted(parameter: Parameter, chain) -> Parameter:
     if row.of_chain and parameter.type_.name.endswith('ARRAY') and not len(parameter.value):
         return Parameter(row.name, kind, row.of_chain[1](chain))
     return parameter
+
+
+def _refusing_strange_types(callback):
+    """Return rclpy's callback of a service that sets parameters, which would fall over a type that there is not."""
+    known = {kind.value for kind in Parameter.Type}
+
+    def refuse_or_call(request, response):
+        strange = [f'parameter {parameter.name!r} is of a type {parameter.value.type}, which ROS does not have'
+                   for parameter in request.parameters if parameter.value.type not in known]
+        if not strange:
+            return callback(request, response)
+        result = SetParametersResult(successful=False, reason=strange[0])
+        if isinstance(response, SetParameters.Response):
+            response.results = [result] * len(request.parameters)
+        else:
+            response.result = result
+        return response
+    return refuse_or_call
 
 
 def _descriptor(row: Row) -> ParameterDescriptor:

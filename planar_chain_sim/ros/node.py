@@ -207,41 +207,32 @@ def simulator_class(values):
 
 
 def load(node, values, stop):
-    """Return the chain of `chain_file` and its URDF if it is one, both None after a stop; Mistake: no such chain."""
-    from ..chain import ChainError
+    """Return the chain of `chain_file` and its URDF if it is one, both None after a stop; ChainError."""
     from ..chain_yaml import chain_from_text, find_chain_file, load_chain
-    from ..command_line import Mistake
     from ..xacro_file import USED
     from ..xml_elements import root_tag
-    try:
-        if values['chain_file'] == ON_TOPIC:
-            from .description import await_description
-            text = await_description(node, stop)
-            return (None, None) if text is None else (chain_from_text(text, ON_TOPIC, values['hold']), text)
-        chain = load_chain(values['chain_file'], values['hold'])
-        text = find_chain_file(values['chain_file']).read_text('utf-8-sig')
-        return chain, text if root_tag(text) == 'robot' and not values['hold'] and not USED.search(text) else None
-    except ChainError as error:
-        raise Mistake(str(error)) from None
+    if values['chain_file'] == ON_TOPIC:
+        from .description import await_description
+        text = await_description(node, stop)
+        return (None, None) if text is None else (chain_from_text(text, ON_TOPIC, values['hold']), text)
+    chain = load_chain(values['chain_file'], values['hold'])
+    text = find_chain_file(values['chain_file']).read_text('utf-8-sig')
+    return chain, text if root_tag(text) == 'robot' and not values['hold'] and not USED.search(text) else None
 
 
 def create_simulation(chain, values):
-    """Return the Simulation of the chain and the parameters; Mistake where there can't be one."""
+    """Return the Simulation of the chain and the parameters, which are checked; ChainError where there can't be one."""
     from .simulator import payload_of
     from ..changes import apply_change
-    from ..command_line import Mistake
     from ..quantities import changed_chain, QUANTITIES
     from ..simulation import Simulation
-    try:
-        for name in QUANTITIES:
-            if name in values:
-                chain = changed_chain(chain, name, values[name])
-        simulation = Simulation(chain, method=values['method'], step=1.0 / values['rate'],
-                                tolerance=values['tolerance'] or None)
-        apply_change(simulation, 'payload', payload_of(values, simulation))
-        return simulation
-    except ValueError as error:
-        raise Mistake(str(error)) from None
+    for name in QUANTITIES:
+        if name in values:
+            chain = changed_chain(chain, name, values[name])
+    simulation = Simulation(chain, method=values['method'], step=1.0 / values['rate'],
+                            tolerance=values['tolerance'] or None)
+    apply_change(simulation, 'payload', payload_of(values, simulation))
+    return simulation
 
 
 if __name__ == '__main__':

@@ -155,8 +155,13 @@ def check_quantity(chain, name: str, values) -> None:
         raise Mistake(f'parameter {error}') from None
 
 
-def check_publish_rate(values: dict[str, Value]) -> None:
-    """Put `rate` for a `publish_rate` of 0; Mistake where no whole number of ticks lies between two states."""
+def check_together(values: dict[str, Value]) -> None:
+    """Refuse values that do not go together, with a Mistake, and put `rate` for a `publish_rate` of 0."""
+    if values['tolerance'] == 1.0:
+        raise Mistake("parameter 'tolerance' is 1.0, must be below 1")
+    method = values['method']
+    if values['tolerance'] and method != 'auto' and not METHODS[method].adaptive:
+        raise Mistake(f"parameter 'tolerance' is {values['tolerance']}, must be 0: method {method!r} has a fixed step")
     values['publish_rate'] = values['publish_rate'] or values['rate']
     ticks = values['rate'] / values['publish_rate']
     if ticks < 0.5 or abs(ticks - round(ticks)) > 1e-9 * ticks:

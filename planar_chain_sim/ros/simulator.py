@@ -18,6 +18,7 @@ from .measurement import Meter
 from .pacing import LONGEST_LATENESS, Pacing, wake_punctually
 from .publication import Publication
 from .._kernel import json_list
+from ..chain import ChainError
 from ..changes import apply_change
 from ..dynamics import Interrupted, SimulationError
 from ..quantities import QUANTITIES, to_json
@@ -415,7 +416,7 @@ class Simulator:
                 kind, data = 'payload', payload_of({**self._values, name: value}, simulation)
             try:
                 apply_change(simulation, kind, data)
-            except ValueError as error:
+            except ChainError as error:
                 if moving:
                     simulation.restore(before)
                 return False, f'parameter {name!r}: {error}'
