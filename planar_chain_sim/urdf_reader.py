@@ -19,6 +19,8 @@ from .planar_robot import account, Link, listed, planar_data, quoted, SpatialJoi
 from .urdf_writer import UNLIMITED
 from .xml_elements import Element, read_xml
 
+FORMATS = {'sdf': 'SDF', 'mujoco': 'MJCF', 'COLLADA': 'a COLLADA scene', 'launch': 'a ROS launch file',
+           'package': "a package's description", 'html': 'a web page', 'svg': 'a picture'}
 KINDS = {'fixed': 'fixed', 'continuous': 'rotation', 'revolute': 'rotation', 'prismatic': 'slide'}
 FREE = ('floating', 'planar')
 NUMBER = re.compile(r'[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|[-+]?(inf|nan|infinity)', re.ASCII | re.IGNORECASE)
@@ -61,7 +63,8 @@ class Reader:
         self.unused = {}      # what is dropped -> names of where it stands, in the order of the text
         self.unstopped, self.moved, self.powerless = [], [], []
         if root.tag != 'robot':
-            self.fail(f"is XML with the root element '{clipped(root.tag)}', must be the URDF of a robot (root 'robot')")
+            what = FORMATS.get(root.tag, f"XML with the root element '{clipped(root.tag)}'")
+            self.fail(f"is {what}, must be the URDF of a robot (root element 'robot')")
         self._refuse_xacro()
         self._refuse_loops()
         self._look_over()
@@ -295,9 +298,10 @@ class Reader:
                 self.fail(f"hold gives the value {value!r} to joint '{clipped(name)}', which is fixed, must be a joint "
                           'that moves')
             held = laws.get('position', 0.0) if value is None else value
-            if not laws.get('lower', -inf) <= held <= laws.get('upper', inf):
-                self.fail(f"hold gives {held!r} to joint '{clipped(name)}', must lie between its limits, "
-                          f"{laws['lower']!r} and {laws['upper']!r}")
+            lower, upper = laws.get('lower', -inf), laws.get('upper', inf)
+            if not lower <= held <= upper:
+                self.fail(f"hold gives {held!r} to joint '{clipped(name)}', must lie between its limits, {lower!r} and "
+                          f'{upper!r}')
         return SpatialJoint(name, kind, *ends, turn, shift, axis, laws, held if name in hold else None)
 
     def _laws(self, name: str, element: Element, kind, initial: dict, told: bool) -> dict:

@@ -19,7 +19,9 @@ MAX_BYTES = 16 * 2**20
 MAX_MEMORY = 2**30
 USED = re.compile(r'<xacro:|\$[{(]')   # of xacro; a namespace alone is what expanded files keep
 PROGRAM = """
-import resource, sys
+import sys
+sys.path.pop(0)   # a robot's folder is no place for modules
+import resource
 resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[2]),) * 2)
 resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
 import xacro
@@ -29,7 +31,10 @@ sys.stdout.write(xacro.process_file(sys.argv[1]).toprettyxml(indent='  '))
 
 def expanded(path, text: bytes, name: str) -> bytes:
     """Return the text of the file at `path` expanded, or as it is where nothing is to do or `xacro` is not there."""
-    if not USED.search(text.decode('utf-8', 'replace')) or find_spec('xacro') is None:
+    if not USED.search(text.decode('utf-8', 'replace')):
+        return text
+    package = find_spec('xacro')
+    if package is None or package.origin is None:   # a mere folder of this name is none
         return text
     wanted = 'must be one that `xacro FILE` expands'
     try:
