@@ -88,8 +88,6 @@ def decoded(data: bytes, name: str) -> str:
     every_second_is_zero = len(begin) > 3 and any(begin) and not (any(begin[::2]) and any(begin[1::2]))
     if begin[:2] in (b'\xff\xfe', b'\xfe\xff') or every_second_is_zero:
         raise ChainError(f'{name}: is UTF-16 text, must be UTF-8, in which an editor can save it')
-    if data.startswith(b'\x89MCAP'):
-        raise ChainError(f'{name}: is a log (MCAP), must be a chain file in YAML')
     if b'\0' in data:
         raise ChainError(f'{name}: is a binary file, must be a chain file in YAML')
     try:

@@ -19,8 +19,6 @@ from .planar_robot import account, Link, listed, planar_data, quoted, SpatialJoi
 from .urdf_writer import UNLIMITED
 from .xml_elements import Element, read_xml
 
-FORMATS = {'sdf': 'SDF', 'mujoco': 'MJCF', 'COLLADA': 'a COLLADA scene', 'launch': 'a ROS launch file',
-           'package': "a package's description", 'html': 'a web page', 'svg': 'a picture'}
 KINDS = {'fixed': 'fixed', 'continuous': 'rotation', 'revolute': 'rotation', 'prismatic': 'slide'}
 FREE = ('floating', 'planar')
 NUMBER = re.compile(r'[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|[-+]?(inf|nan|infinity)', re.ASCII | re.IGNORECASE)
@@ -63,8 +61,7 @@ class Reader:
         self.unused = {}      # what is dropped -> names of where it stands, in the order of the text
         self.unstopped, self.moved, self.powerless = [], [], []
         if root.tag != 'robot':
-            what = FORMATS.get(root.tag, f"XML with the root element '{clipped(root.tag)}'")
-            self.fail(f"is {what}, must be the URDF of a robot (root element 'robot')")
+            self.fail(f"is XML with the root element '{clipped(root.tag)}', must be the URDF of a robot")
         self._refuse_xacro()
         self._refuse_loops()
         self._look_over()

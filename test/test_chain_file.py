@@ -12,8 +12,8 @@ CONFIG = Path(__file__).parent.parent / 'config'
 ABOVE_ZERO = 'a number >= 0'
 KG_M2 = 'kg m^2 about the joint point'
 BODY_KEYS = 'name, carrier, origin, angle, mass, center_of_mass, inertia, inertia_com, slide, rotation, visual'
-JOINT_KEYS = ('joint, axis, damping, stiffness, rest, friction, armature, effort_limit, lower, upper, restitution, '
-              'position, velocity')
+JOINT_KEYS = ('joint, axis, damping, stiffness, rest, friction, preload, armature, effort_limit, lower, upper, '
+              'restitution, position, velocity')
 AN_EARLIER = "must be 'base' or the name of an earlier body"
 ANGLES = "or a text as '90 deg', 'pi/2', '-0.5*pi'"
 AXIS = 'must be 1 (counter-clockwise) or -1 (clockwise)'
@@ -157,7 +157,8 @@ def test_mistake_in_a_file_is_one_exact_sentence(old, new, line, problem):
     (TWO_RODS.encode('utf-16-le'), ': is UTF-16 text, must be UTF-8, in which an editor can save it'),
     (TWO_RODS.encode('utf-16-be'), ': is UTF-16 text, must be UTF-8, in which an editor can save it'),
     (b'\x7fELF\x02\x01\0\0', ': is a binary file, must be a chain file in YAML'),
-    (b'\x89MCAP0\r\n\0', ': is a log (MCAP), must be a chain file in YAML'),
+    (b'\x89MCAP0\r\n\0',
+     ': is an MCAP log (resimulate and replay read it), must be a URDF, an MJCF or a chain file in YAML'),
     (b'a' * (2**24 + 1), ': is longer than 16 MiB, must be a chain file in YAML'),
     ('a: [' + 65537 * '1,' + ']', ' line 1: has one item too many, must be a list of at most 65536'),
     ('\n'.join(f'k{i}: 1' for i in range(257)),

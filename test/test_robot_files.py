@@ -411,9 +411,9 @@ def test_a_folder_called_xacro_is_not_the_package(tmp_path, monkeypatch):
 VALUES = ('', 'x', '1 2', 'nan', '-1', '1e999', 'inf', '0', '1e308', '-1e308 0 1e308', '0 0 0', '5e-324 0 0', '1_0',
           '\uff11', '&lt;', 'world', 'l0', 'l1', 'j1', 'fixed', 'floating', 'prismatic', 'revolute', '300' * 99)
 PIECES = (
-    '<mimic joint="j1"/>', '<limit lower="5" upper="1e308" effort="-3"/>', '<axis xyz="0 0 0"/>', '<!--', '>', '<?', '&amp',
-    '<origin rpy="1e300 0 0" xyz="1e300 1e300 1e300"/>', '<dynamics damping="1e300" friction="1e308"/>', '<link name="z"/>',
-    '<inertial><mass value="1e308"/></inertial>', '<![CDATA[', '<!DOCTYPE a>', '<robot>', '\0', '"',
+    '<mimic joint="j1"/>', '<limit lower="5" upper="1e308" effort="-3"/>', '<axis xyz="0 0 0"/>', '<!--', '>', '<?',
+    '<origin rpy="1e300 0 0" xyz="1e300 1e300 1e300"/>', '<dynamics damping="1e300" friction="1e308"/>', '&amp', '"',
+    '<inertial><mass value="1e308"/></inertial>', '<![CDATA[', '<!DOCTYPE a>', '<robot>', '\0', '<link name="z"/>',
     '<joint name="zz" type="fixed"><parent link="l1"/><child link="z"/></joint>',
     '<gazebo><plugin><joint>j2</joint><mimicJoint>j1</mimicJoint></plugin></gazebo>')
 HOLDS = (None, None, None, ['j1'], {'j2': 0.5}, 'j1=1e300')

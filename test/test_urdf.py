@@ -187,9 +187,8 @@ def test_what_is_no_planar_robot_is_refused_by_the_joint(changes, sentence):
 
 @pytest.mark.parametrize('text, sentence', [
     ('<robot', 'is not well-formed XML (unclosed token)'),
-    ('<html/>', 'is a web page, must be the URDF of a robot'),
-    ('<sdf version="1.7"><model name="m"/></sdf>', 'is SDF, must be the URDF of a robot'),
-    ('<model/>', "is XML with the root element 'model', must be the URDF of a robot"),
+    ('<sdf version="1.7"><model name="m"/></sdf>', 'is an SDF, must be a URDF'),
+    ('<html/>', "is XML with the root element 'html', must be the URDF of a robot"),
     ('<robot name="r"><link name="a"/></robot>', 'has no joint that moves'),
     ('<!DOCTYPE robot [<!ENTITY a "b">]><robot name="&a;"/>', 'has a DOCTYPE, must be plain URDF without'),
     ('<robot name="&a;"/>', 'is not well-formed XML (undefined entity)'),
