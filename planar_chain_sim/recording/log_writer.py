@@ -47,7 +47,7 @@ class LogWriter:
         self._check(flush_period, compression)
         self.flush_period = flush_period
         self._file = self._create()
-        self._failure, self._written = None, 0   # why writing ended; bytes handed to the system
+        self._failure, self._written, self._cut = None, 0, False   # why writing ended; bytes on the disk, once cut off
         try:
             self._mcap = McapFile(self._file, 'ros2', 'planar_chain_sim', COMPRESSIONS[compression])
             self.chunk = self._mcap.chunk
@@ -110,6 +110,7 @@ class LogWriter:
         if self._failure:
             raise LogError(self._failure)
         try:
+            self._cut = self._cut or os.fstat(self._file.fileno()).st_size < self._written
             self._mcap.flush()
         except OSError as error:
             raise self._fail(error.strerror or str(error)) from None
@@ -132,7 +133,7 @@ class LogWriter:
             return f'{name}: the file has been moved away, recording goes on into it where it is now'
         if not os.path.samestat(mine, there):
             return f'{name}: another file has this name now, recording goes on into the first one where it is now'
-        if mine.st_size < self._written:
+        if self._cut or mine.st_size < self._written:
             return f'{name}: somebody has cut the file short, the log is damaged'
         return ''
 
