@@ -134,7 +134,7 @@ def checked(row: Row, value) -> Value:
             return values
         if row.type == TEXTS and kinds <= {str}:
             return list(value)
-    if row.of_chain or type(value) is not type(row.default):
+    if row.of_chain or row.type == TEXTS or type(value) is not type(row.default):
         shown = list(value) if isinstance(value, array) else value
         got = 'is an empty list' if value is None else f'is {shown!r:.80}'   # which ROS can give no type
         raise Mistake(f'parameter {row.name!r} {got}, must be {WANTED[row.type]}')
