@@ -33,6 +33,12 @@ class BatchRun:
     ticks: np.ndarray
     failures: dict
 
+    def __repr__(self):
+        scenes, rows, joints = self.position.shape
+        kept = f'{rows} states each' if rows > 1 else 'the last state alone'
+        return (f'BatchRun: {scenes} scenes, {joints} joints, to t = {self.time[-1]:g} s, {kept}; '
+                f'{len(self.failures) or "none"} failed')
+
 
 def rollout_batch(chain: Union[Chain, Sequence[Chain]], position=None, velocity=None, effort=None, *, duration: float,
                   step: float = 1e-3, method: str = 'auto', tolerance: Optional[float] = None, form: str = 'auto',

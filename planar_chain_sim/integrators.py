@@ -45,6 +45,10 @@ class Method:
             raise ValueError(f'family of method {self.name!r} is {self.family!r}, must be one of '
                              f'{", ".join(map(repr, _kernel.FAMILIES))}')
 
+    def __repr__(self):
+        order = f'order {self.order}' if self.order else 'order by the tolerance'
+        return f'Method {self.name}: {self.family}, {order}, {"adaptive" if self.adaptive else "fixed step"}'
+
     @cached_property
     def stability_limits(self) -> tuple[float, float]:
         """
@@ -81,9 +85,16 @@ class Method:
         return {entry.name: getattr(self, entry.name) for entry in fields(self)}  # what is kept besides is made again
 
 
+class Methods(dict):
+    """Name -> Method."""
+
+    def __repr__(self):
+        return f"METHODS: {', '.join(self)}; METHODS[name] tells family, order, citation and what it conserves"
+
+
 _S = sqrt(15.0)
 
-METHODS = {method.name: method for method in (
+METHODS = Methods({method.name: method for method in (
     Method('semi_implicit_euler', 'semi-implicit', 1, False,
            citation='Hairer, Lubich, Wanner, Geometric Numerical Integration, I.1.2',
            conserves='nothing exactly: it is symplectic where the mass matrix is constant, but here that depends on '
@@ -123,7 +134,7 @@ METHODS = {method.name: method for method in (
            citation='A. Jorba, M. Zou, Experimental Mathematics 14 (2005), 99-117; recurrences: equations.md 11',
            conserves='nothing exactly: energy within the tolerance, at 1e-16 down to round-off that grows like '
                      'the square root of time'),
-)}
+)})
 
 STIFF = 'rodas5p'  # what auto takes for stiff damping
 

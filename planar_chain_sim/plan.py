@@ -33,6 +33,9 @@ class Plan:
     places: tuple[Place, ...]  # of the bodies, in file order
     dense: bool               # whether `form` is 'dense'
 
+    def __repr__(self):
+        return f'Plan: {self}; form {self.form}'
+
     def __str__(self):
         return (f'{self.links} links, {self.joints} joints; '
                 f'uses {", ".join(self.used) or "nothing more"}; skips {", ".join(self.skipped) or "nothing"}')

@@ -61,6 +61,10 @@ class Checkpoint:
     own_bodies: Optional[int] = None  # bodies beyond are payloads
     format: Optional[int] = None
 
+    def __repr__(self):
+        name = getattr(self.chain, 'name', None)
+        return f'Checkpoint of {name} at tick {self.tick}, method {self.method}, step {self.step} s'
+
     @property
     def time(self) -> float:
         """Simulated time, s."""
@@ -154,6 +158,10 @@ class Simulation:
         self._bare_chains = (chain,)   # that it has had, without payloads
         self._changing = RLock()       # of what is kept here and not in the kernel
         self.set_state(*initial_state(chain))
+
+    def __repr__(self):
+        return (f'Simulation of {self.chain.name} at tick {self.tick}, t = {self.time:g} s: '
+                f'{self.chain.joint_count} joints, method {self.method}, tick {self.step:g} s; plan tells more')
 
     def _make_stepper(self, chain: Chain, form: str):
         return _kernel.Stepper(plan_of(chain).model, method_data(self._row, self.tolerance), self.step, form == 'dense')
@@ -558,6 +566,11 @@ class Run:
     position: np.ndarray
     velocity: np.ndarray
     effort: np.ndarray
+
+    def __repr__(self):
+        ticks, joints = self.effort.shape
+        step = f' of {self.time[1] - self.time[0]:g} s' if ticks else ''
+        return f'Run: {ticks} ticks{step}, {joints} joints, to t = {self.time[-1]:g} s'
 
 
 def rollout(chain: Chain, duration: float, step: float = 1e-3, method: str = 'auto', effort=None,

@@ -12,6 +12,7 @@ from two_rods import rod, TWO_RODS
 import planar_chain_sim as pcs
 from planar_chain_sim import chain_from_dict, ChainError
 from planar_chain_sim.chain_yaml import chain_from_text
+from planar_chain_sim.plan import plan_of
 from planar_chain_sim.recording import resimulation
 from planar_chain_sim.recording.rollout import OfflineLog, roll_to_log
 
@@ -301,3 +302,33 @@ def test_hash_equality_pickle_and_copies(chain):
     bad = pickle.loads(pickle.dumps(with_body(chain, 0, mass=-1.0)))
     with pytest.raises(ChainError):
         pcs.Simulation(bad)
+
+
+def test_repr_is_one_or_two_useful_lines():
+    """What a notebook shows: names and numbers of the thing, not its arrays and coefficients."""
+    chain, long = pcs.load_chain('four_link_robot.yaml'), pcs.load_chain('chain_32_links.yaml')
+    simulation = pcs.Simulation(chain)
+    simulation.advance(5)
+    equations = pcs.equations(chain)
+    shown = {
+        'Simulation of four_link_robot at tick 5, t = 0.005 s: 5 joints, method taylor, tick 0.001 s': simulation,
+        'Checkpoint of four_link_robot at tick 5, method taylor': simulation.checkpoint(),
+        'Run: 20 ticks of 0.001 s, 5 joints, to t = 0.02 s': pcs.rollout(chain, 0.02),
+        'Run: 0 ticks, 5 joints, to t = 0 s': pcs.rollout(chain, 0.0),
+        'BatchRun: 3 scenes, 5 joints, to t = 0.02 s, 21 states each; none failed': pcs.rollout_batch(
+            chain, position=3 * [simulation.position], duration=0.02),
+        'BatchRun: 1 scenes, 5 joints, to t = 0.02 s, the last state alone; none failed': pcs.rollout_batch(
+            chain, duration=0.02, every_tick=False),
+        'METHODS: semi_implicit_euler, rk4, ': pcs.METHODS,
+        'Method rk4: explicit Runge-Kutta, order 4, fixed step': pcs.METHODS['rk4'],
+        'Method taylor: taylor, order by the tolerance, adaptive': pcs.METHODS['taylor'],
+        'Equations of four_link_robot in absolute coordinates: phi1 (column_joint), phi2': equations,
+        'Equations of chain_32_links in joint coordinates: q1 (': pcs.equations(long, 'joint'),
+        'Equation of x1, column_slide, (5.88): ': equations['column_slide'],
+        f"Term '{equations[0].terms[0]}': acceleration, left side of phi1": equations[0].terms[0],
+        'Plan: 4 links, 5 joints; uses slides, ': plan_of(chain),
+    }
+    for begin, value in shown.items():
+        assert repr(value).startswith(begin), repr(value)
+        assert len(repr(value)) < 320 and repr(value).count('\n') < 2
+    assert dict(pcs.METHODS) == pcs.METHODS and list(pcs.METHODS)[1] == 'rk4'

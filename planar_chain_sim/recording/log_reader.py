@@ -8,7 +8,7 @@ is for the reader of the messages to name.
 """
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 import io
 from pathlib import Path
 from struct import error as StructError, Struct
@@ -53,8 +53,8 @@ class Log:
     """
 
     path: Path
-    chain_text: str
-    settings: dict
+    chain_text: str = field(repr=False)
+    settings: dict = field(repr=False)
     complete: bool
 
     @property

@@ -35,6 +35,11 @@ class Equations(Sequence):
         self._derived: dict[int, Equation] = {}     # scalar products, symbols
         self._made: dict[int, Equation] = {}        # in the form wanted
 
+    def __repr__(self):
+        names = [f'{unknown.name} ({unknown.joint})' for unknown in self.unknowns]
+        more = f', and {len(names) - 6} more' if len(names) > 6 else ''
+        return f'Equations of {self.chain.name} in {self.coordinates} coordinates: {", ".join(names[:6])}{more}'
+
     def __len__(self):
         return len(self.unknowns)
 

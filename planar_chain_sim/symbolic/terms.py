@@ -57,6 +57,9 @@ class Term:
         value = self.contribution(state)
         return value if self.side == 'left' else -value
 
+    def __repr__(self):
+        return f'Term {str(self)!r}: {self.kind}, {self.side} side of {self.coordinate}'
+
     def __str__(self):
         factors = '*'.join(map(str, self.factors))
         constant = str(self.coefficient)
@@ -90,6 +93,10 @@ class Equation:
     def residual(self, state: State) -> float:
         """Left side less right side, N m or N: the sum of all terms evaluated alone."""
         return sum(term.evaluate(state) for term in self.terms)
+
+    def __repr__(self):
+        return (f'Equation of {self.coordinate}, {self.coordinate.joint}, ({self.number}): {len(self.left)} terms on '
+                f'the left, {len(self.right)} on the right; str() writes them out')
 
     def __str__(self):
         left, right = (sum_of((1, str(term)) for term in side) for side in (self.left, self.right))
