@@ -1,6 +1,8 @@
 """The benchmark executable on tiny settings, its named problems and its arithmetic; nothing here judges a wall time."""
 import csv
 from dataclasses import replace
+from random import Random
+import re
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from planar_chain_sim.benchmark.command_line import main
 from planar_chain_sim.benchmark.peers import open_peers
 from planar_chain_sim.benchmark.problems import PROBLEMS, uniform_rods
 from planar_chain_sim.benchmark.scenes import Check, damaged_files, flood
+from planar_chain_sim.benchmark.table import shown, table_lines
 from planar_chain_sim.chain_yaml import chain_from_text
 from planar_chain_sim.plan import plan_of
 from planar_chain_sim.simulation import initial_state
@@ -55,7 +58,12 @@ def test_one_suite_prints_its_table_and_draws_by_the_same_command(tmp_path, caps
     table, picture = tmp_path / 'table.csv', tmp_path / 'picture.png'
     assert main(['step-time', '--quick', '--peers', 'none', '--csv', str(table), '--picture', str(picture)]) == 0
     printed = capsys.readouterr().out
-    assert 'peers: none' in printed and ' | '.join(table_of(table)[0]) in printed
+    first, *lines = printed.splitlines()
+    rule = next(k for k, line in enumerate(lines) if not line.strip('- '))
+    assert first == 'peers: none' and max(map(len, lines)) <= 100
+    header, *rows = table_of(table)
+    assert len(lines[rule].split()) == len(header) and len(lines) == rule + 1 + len(rows)
+    assert [line.split()[:2] for line in lines[rule + 1:]] == [row[:2] for row in rows]
     assert picture.read_bytes().startswith(b'\x89PNG')
 
 
@@ -67,7 +75,32 @@ def test_one_suite_prints_its_table_and_draws_by_the_same_command(tmp_path, caps
 def test_mistake_is_one_sentence_before_anything_is_measured(arguments, said, capsys):
     assert main([*arguments, '--quick']) == 2
     printed = capsys.readouterr()
-    assert printed.err.count('\n') == 1 and said in printed.err and '|' not in printed.out
+    assert printed.err.count('\n') == 1 and said in printed.err and '--' not in printed.out
+
+
+def test_tables_are_aligned_and_no_wider_than_100_columns():
+    random, broken = Random(6), 0
+    words = ['planar_chain_sim', 'a', 'joint', 'stops that open and close', 'evaluation, ns: median', 'x' * 25, '']
+    for _ in range(300):
+        count = random.randint(1, 11)
+        columns = [random.choice(words[:-1]) for _ in range(count)]
+        kinds = [random.random() < 0.6 for _ in columns]
+        rows = [[random.choice([None, 10**random.uniform(-9, 9), random.randrange(10**6)]) if number
+                 else random.choice(words) for number in kinds] for _ in range(random.randrange(6))]
+        lines = list(table_lines(columns, rows))
+        assert max(map(len, lines)) <= 100
+        rule = next(k for k, line in enumerate(lines) if line and not line.strip('- '))
+        places = [match.span() for match in re.finditer('-+', lines[rule])]
+        assert len(places) == count
+        joined = [''.join(line[start:end].strip() for line in lines[:rule]) for start, end in places]
+        assert [text.replace(' ', '') for text in joined] == [column.replace(' ', '') for column in columns]
+        for line in lines:      # nothing but blanks between the columns
+            between = [line[end:start] for (_, end), (start, _) in zip(places, places[1:])]
+            assert all(not text.strip() for text in between)
+        broken += len(lines) > rule + 1 + len(rows)
+        body = ''.join(lines[rule + 1:]).replace(' ', '')
+        assert sorted(body) == sorted(''.join(shown(value) for row in rows for value in row).replace(' ', ''))
+    assert broken > 30
 
 
 def test_a_curve_ends_where_it_gets_no_finer_or_too_dear():

@@ -8,6 +8,7 @@ import sys
 from typing import NamedTuple, Optional
 import warnings
 
+from .table import shown, table_lines
 from ..command_line import Mistake, Parser, run_command
 
 
@@ -37,9 +38,10 @@ def _module(name: str):
     return import_module(f'{__package__}.{SUITES[name].module}')
 
 
-def _shown(row) -> str:
-    return ' | '.join(f'{value:.4g}' if isinstance(value, float) else '' if value is None else str(value)
-                      for value in row)
+def _show_progress(text: str) -> None:
+    """Write a line on a terminal that the next one replaces."""
+    if sys.stderr is not None and sys.stderr.isatty():
+        print(f'\r\x1b[K{text[:78]}', end='', file=sys.stderr, flush=True)
 
 
 def _touch(path: Optional[Path], flag: str) -> None:
@@ -74,20 +76,24 @@ def _open_peers(wanted: Optional[str]) -> dict:
 
 
 def run_suite(name: str, table_file: Optional[Path], picture: Optional[Path], quick: bool, peers: dict) -> None:
-    """Measure a suite: print its rows as they come and its summary, write CSV and picture; Mistake."""
+    """Measure a suite: print its table and its summary, write CSV and picture; Mistake."""
     module = _module(name)
     for file, flag in ((table_file, '--csv'), (picture, '--picture')):   # before minutes of measuring
         _touch(file, flag)
     table = []
-    print(_shown(module.COLUMNS))
-    for row in module.rows(peers, quick):
-        table.append(row)
-        print(_shown(row), flush=True)
+    try:
+        for row in module.rows(peers, quick):
+            table.append(row)
+            _show_progress(f'{len(table)} rows, {", ".join(map(shown, row[:3]))}')
+    finally:   # what there is after Ctrl-C, too
+        _show_progress('')
+        if table:
+            print('\n'.join(table_lines(module.COLUMNS, table)), flush=True)
     if table_file:
         _write(table_file, [module.COLUMNS, *table])
     if hasattr(module, 'summary'):
         columns, summary = module.summary(table)
-        print('\n'.join(['', _shown(columns), *map(_shown, summary)]), flush=True)
+        print('\n'.join(['', *table_lines(columns, summary)]), flush=True)
         if table_file:
             _write(table_file.with_name(f'{table_file.stem}_summary{table_file.suffix}'), [columns, *summary])
     if picture:
