@@ -161,6 +161,13 @@ def tell(text: str) -> None:
         leave_output()
 
 
+def write_document(text: str) -> None:
+    """Write UTF-8, whatever the locale: a file or a pipe gets the same bytes as a terminal."""
+    if hasattr(sys.stdout, 'reconfigure'):
+        sys.stdout.reconfigure(encoding='utf-8')
+    print(text, end='', flush=True)
+
+
 def leave_output() -> None:
     """Let what is still to be written go nowhere: nobody reads it, or the disk is full."""
     with suppress(OSError, ValueError, AttributeError):

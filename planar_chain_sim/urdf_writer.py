@@ -15,12 +15,14 @@ from __future__ import annotations
 
 import cmath
 from math import hypot, inf, pi
+import re
 import sys
 from typing import NamedTuple
 from xml.etree import ElementTree
 
 from .chain import BASE, Chain, Joint
-from .command_line import Mistake, Parser, run_command
+from .chain_section import clipped
+from .command_line import Mistake, Parser, run_command, write_document
 from .visual import body_color, visual_ends
 
 UNLIMITED = 1e9  # N m, N, rad/s, m/s: stands for no limit where URDF demands one; the reader takes it as such
@@ -29,6 +31,7 @@ SHARE = 2.0**-10  # of mass and inertia that a carriage gets, where its body has
 LEAST_SHARE = 2.0**-44  # what it gets of a point mass, which has nothing to give: no other number notices it
 HARDWARE = 'topic_based_ros2_control/TopicBasedSystem'
 PLANE = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)   # the chain's x and y in the frame of `world`
+TOPIC = re.compile('(~/|/)?[A-Za-z_][A-Za-z0-9_/]*')
 COMMANDS, STATES = '/simulator/joint_commands', '/joint_states'
 
 
@@ -229,10 +232,12 @@ def _write(arguments) -> int:
                         help=f'topic of commands in the <ros2_control> block; default {COMMANDS}')
     parser.add_argument('--states', metavar='TOPIC', default=STATES, help=f'topic of states there; default {STATES}')
     options = parser.parse_args(arguments)
+    for flag in ('commands', 'states'):
+        if not TOPIC.fullmatch(getattr(options, flag)):
+            raise Mistake(f'--{flag} is {clipped(getattr(options, flag))!r}, must be a topic, as /joint_states')
     text = urdf_of(load_chain(options.chain), options.commands, options.states)
     if options.output is None:
-        sys.stdout.write(text)
-        sys.stdout.flush()
+        write_document(text)
         return 0
     try:
         with open(options.output, 'w', encoding='utf-8') as stream:
@@ -240,3 +245,7 @@ def _write(arguments) -> int:
     except (OSError, ValueError) as error:
         raise Mistake(f'{options.output!r}: {getattr(error, "strerror", None) or error}') from None
     return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import planar_chain_sim as pcs
-from planar_chain_sim import command_line, pictures
+from planar_chain_sim import command_line, pictures, urdf_writer
 from planar_chain_sim.benchmark import command_line as benchmark
 from planar_chain_sim.recording import resimulation, rollout
 from planar_chain_sim.recording.log_reader import read_log
@@ -20,9 +20,9 @@ from planar_chain_sim.symbolic import command_line as equations
 ROBOT = 'four_link_robot.yaml'
 MODULES = {'rollout': 'recording.rollout', 'resimulate': 'recording.resimulation', 'replay': 'ros.replay',
            'equations': 'symbolic.command_line', 'benchmark': 'benchmark.command_line', 'simulator': 'ros.node',
-           'example_controller': 'ros.example_controller', 'pictures': 'pictures'}
+           'example_controller': 'ros.example_controller', 'urdf': 'urdf_writer', 'pictures': 'pictures'}
 DOORS = {'rollout': rollout.main, 'resimulate': resimulation.main, 'equations': equations.main,
-         'benchmark': benchmark.main, 'pictures': pictures.main}
+         'benchmark': benchmark.main, 'urdf': urdf_writer.main, 'pictures': pictures.main}
 ODD = [
     '', ' ', '-', '--', '---', '-1', '-1,2,0', '-1e3,2,0,0,0', '0', '1e300', '-1e300', '1e-300', '1e309', 'nan',
     '-nan', 'inf', '-inf', '1_000', '0x10', '1,2', '1,,2', 'a=b', 'a=', '=1', '=', 'column_slide=1',
@@ -58,10 +58,11 @@ def odd_arguments(random, name):
              'resimulate': [],
              'equations': ['--format', '--joint', '--coordinate', '--state', '--time', '--numeric'],
              'benchmark': ['--csv', '--picture', '--folder', '--peers'],
+             'urdf': ['--output', '--commands', '--states'],
              'pictures': ['--duration']}[name]
     first = {'rollout': [ROBOT], 'resimulate': ['run.mcap'], 'equations': [random.choice([ROBOT, 'run.mcap'])],
              'benchmark': [random.choice(['references', 'all', 'calls', 'nothing'])],
-             'pictures': [ROBOT, 'out.svg']}[name]
+             'urdf': [ROBOT], 'pictures': [ROBOT, 'out.svg']}[name]
     arguments = list(first)
     for _ in range(random.randint(1, 3)):
         if flags and random.random() < 0.8:
@@ -73,7 +74,7 @@ def odd_arguments(random, name):
     return arguments
 
 
-@pytest.mark.parametrize('name', ['rollout', 'resimulate', 'equations', 'pictures'])
+@pytest.mark.parametrize('name', ['rollout', 'resimulate', 'equations', 'urdf', 'pictures'])
 def test_odd_arguments_by_the_hundred(name, folder, monkeypatch, capsys):
     """In one process: 0 and a result, or 2 and one sentence. What was refused leaves no file."""
     monkeypatch.chdir(folder)

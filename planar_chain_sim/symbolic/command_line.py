@@ -15,7 +15,7 @@ from .text_document import text_document
 from ..chain import Chain
 from ..chain_section import clipped
 from ..chain_yaml import load_chain
-from ..command_line import add_hold, Mistake, Parser, refuse_hold, run_command
+from ..command_line import add_hold, Mistake, Parser, refuse_hold, run_command, write_document
 
 FORMATS = {'text': text_document, 'latex': latex_document, 'json': json_document}
 PICTURES = ('.png', '.svg')
@@ -70,7 +70,7 @@ def _equations(arguments) -> int:
         text = (contributions_latex if options.format == 'latex' else contributions_table)(made, chosen, at, title)
     if options.picture is not None:
         _draw(made, chosen, at, title, options.picture)
-    _print(text)
+    write_document(text)
     return 0
 
 
@@ -144,18 +144,6 @@ def _draw(made: Equations, chosen, at, title: str, path: str) -> None:
         raise Mistake(f'--picture {path!r}: {error.strerror}') from None
     except ImportError as error:
         raise Mistake(f'--picture {path!r}: {error}, pictures need the extra [benchmark]') from None
-
-
-def _print(text: str) -> None:
-    """Write UTF-8, whatever the locale: a file or a pipe gets the same bytes as a terminal."""
-    if hasattr(sys.stdout, 'reconfigure'):
-        sys.stdout.reconfigure(encoding='utf-8')
-    try:
-        print(text, end='', flush=True)
-    except BrokenPipeError:
-        raise
-    except OSError as error:
-        raise Mistake(f'the equations cannot be written ({error.strerror})') from None
 
 
 if __name__ == '__main__':
