@@ -23,11 +23,23 @@ unexport PYTHONDONTWRITEBYTECODE
 # Stay on this machine unless told otherwise.
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
-.PHONY: run test lint colcon bench soak fuzz races aarch64 clean
+.PHONY: run help test lint colcon bench soak fuzz races aarch64 clean
 .NOTPARALLEL:
 
 run: $(RUN_READY)
 	@exec $(VENV)/bin/simulator $(ARGS)
+
+help:
+	@echo 'make run      simulate until Ctrl-C; ARGS="double_pendulum.yaml --ros-args -p rate:=500.0" are arguments'
+	@echo 'make test     run the tests; ARGS="test/test_node.py -k pause" are arguments of pytest'
+	@echo 'make lint     flake8 and compiler warnings'
+	@echo 'make colcon   build as a ROS 2 workspace does, below build/'
+	@echo 'make bench    measure accuracy and speed beside other libraries, half an hour, into build/benchmark'
+	@echo 'make soak     what takes too long for every day: scenes, signals, floods, ten minutes under load'
+	@echo 'make fuzz, make races, make aarch64    the kernel with watched memory, with watched threads, on ARM'
+	@echo 'make clean    remove .venv and all that was built'
+	@echo 'The first run, test or bench makes .venv: a download of 250 MB (400 MB for tests) and a compilation.'
+	@echo 'PYTHON=python3.12 and CXX=clang++ choose the tools of a new .venv.'
 
 test: $(TEST_READY)
 	$(PY) -m pytest $(ARGS)
@@ -110,6 +122,7 @@ define set_up
 	    'or name one with PYTHON=/path/to/python3' >&2; exit 1 ;; \
 	  *) $$python -m venv --clear $(VENV) ;; \
 	esac
+	@echo 'setting up $(VENV), once: downloading packages and compiling the kernel, some minutes ...' >&2
 	$(PIP) $(BUILD_TOOLS)
 	$(PIP) --no-build-isolation --editable '.[$(1)]'
 endef

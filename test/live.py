@@ -28,7 +28,7 @@ class Process:
 
     def __init__(self, module, *arguments, **options):
         self.lines = []
-        environment = dict(os.environ, PYTHONPATH=os.pathsep.join(sys.path), PYTHONUNBUFFERED='1')
+        environment = dict(options.pop('env', os.environ), PYTHONPATH=os.pathsep.join(sys.path), PYTHONUNBUFFERED='1')
         self.popen = subprocess.Popen([sys.executable, '-m', module, *map(str, arguments)], text=True, env=environment,
                                       stdout=subprocess.PIPE, stderr=subprocess.STDOUT, **options)
         self._reader = Thread(target=self._read, daemon=True)

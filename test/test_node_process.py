@@ -8,11 +8,13 @@ import subprocess
 import sys
 import time
 
-from live import CONFIG, PATIENCE, run, simulator
+from live import CONFIG, PATIENCE, Process, run, simulator
 import pytest
 
 from planar_chain_sim.recording.log_reader import read_log
 from planar_chain_sim.recording.rollout import main as rollout
+from planar_chain_sim.ros.parameters import PARAMETERS
+from planar_chain_sim.ros.process import run_until_stopped
 
 NODE = 'planar_chain_sim.ros.node'
 STOPS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -160,3 +162,88 @@ def test_a_stop_signal_in_the_midst_of_a_tick_without_end(number, tmp_path):
     assert read_log(path).complete
     code, output = run('planar_chain_sim.recording.resimulation', path)
     assert code == 0, output
+
+
+@pytest.mark.parametrize('arguments, meant', [
+    (('-p', 'x:=y'), 'simulator --ros-args -p x:=y'),
+    (('rate:=500.0',), 'simulator --ros-args -p rate:=500.0'),
+    (('joint_states:=/a', '--ros-args', '-p', 'rate:=5.0'), 'simulator --ros-args -r joint_states:=/a -p rate:=5.0'),
+    (('arm.yaml', '--params-file', 'p.yaml'), 'simulator arm.yaml --ros-args --params-file p.yaml')])
+def test_ros_arguments_in_the_wrong_place_are_told_what_to_type(arguments, meant):
+    assert refusal(*arguments).endswith(f'is for ROS, whose arguments come after --ros-args: {meant}')
+
+
+@pytest.mark.parametrize('arguments', [
+    ('double_pendulum.yaml',), ('double_pendulum.yaml', '--ros-args', '-p', 'rate:=500.0'),
+    ('--ros-args', '-p', 'rate:=500.0', '--', 'double_pendulum.yaml'),
+    ('--ros-args', '-p', 'chain_file:=double_pendulum.yaml')])
+def test_a_chain_file_may_be_named_on_the_command_line(arguments):
+    with Process(NODE, *arguments) as process:
+        line = process.wait_for('running')
+        assert process.stop() == 0, process.output
+    assert 'running double_pendulum: joints ' in line
+    assert ('500 Hz' in line) == (len(arguments) > 2 and 'rate:=500.0' in arguments)
+
+
+def test_two_chain_files_are_one_too_many():
+    assert refusal('a.yaml', '--ros-args', '-p', 'chain_file:=b.yaml') == (
+        "chain_file is given twice, as 'a.yaml' and by the parameter, 'b.yaml': give it once")
+
+
+def test_the_first_lines_say_what_runs_where_to_send_and_how_to_see_it():
+    with simulator('__ns:=/left', '__node:=arm', '~/commands:=/torques', chain_file='double_pendulum.yaml',
+                   method='rk4') as process:
+        process.wait_for('see it')
+        assert process.stop() == 0
+    first, second, third = [line.partition(']: ')[2] for line in process.lines[:3]]
+    assert first == 'running double_pendulum: joints upper_joint, lower_joint; 1000 Hz, method rk4'
+    assert '/torques (' in second and '/left/arm/joint_commands (' in second and '/left/joint_states' in third
+
+
+def test_inner_matters_are_told_at_debug_level():
+    with Process(NODE, '--ros-args', '--log-level', 'simulator:=debug') as process:
+        assert 'form dense' in process.wait_for('[DEBUG]')
+        assert process.stop() == 0
+
+
+@pytest.mark.parametrize('columns', ['80', '120'])
+def test_help_has_the_table_of_parameters(columns):
+    code, output = run(NODE, '--help', env=dict(os.environ, COLUMNS=columns))
+    lines = output.splitlines()
+    assert code == 0 and max(map(len, lines)) <= int(columns)
+    for row in PARAMETERS:
+        place = next(place for place, line in enumerate(lines) if line.startswith(f'{row.name} '))
+        assert (' yes' in lines[place]) == row.live and row.unit in lines[place]
+        meaning = ' '.join(line.strip() for line in lines[place + 1:place + 16])
+        assert meaning.startswith(' '.join(row.description.split()))
+        if not row.of_chain and row.default != '':
+            assert str(row.default).lower() in lines[place].lower()
+
+
+def test_help_needs_no_ros():
+    blocked = f"import sys; sys.modules['rclpy'] = None; from {NODE} import main; sys.exit(main(['--help']))"
+    ended = subprocess.run([sys.executable, '-c', blocked], capture_output=True, text=True)
+    assert ended.returncode == 0 and 'real_time_factor' in ended.stdout
+
+
+def test_a_sighup_that_nohup_lets_pass_is_let_pass(tmp_path):
+    def ignore():
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    with simulator(preexec_fn=ignore, record=tmp_path / 'run.mcap') as process:
+        process.send(signal.SIGHUP)
+        with pytest.raises(subprocess.TimeoutExpired):
+            process.popen.wait(2.0)
+        assert process.stop() == 0
+
+
+def test_a_bug_shows_its_traceback(capsys):
+    """Only what a user can mend is a sentence: a ValueError of ours is not."""
+    def fall(own, ros, stop):
+        raise ValueError('of ours')
+    handlers = {number: signal.getsignal(number) for number in STOPS}
+    try:
+        assert run_until_stopped('simulator', fall, []) == 2
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+    assert 'Traceback' in capsys.readouterr().err

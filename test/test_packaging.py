@@ -1,6 +1,7 @@
 """The two layouts of `colcon build`: executables, configuration, ament marker, and a kernel from the install tree."""
 import os
 from pathlib import Path
+import re
 import shutil
 import subprocess
 import sys
@@ -102,6 +103,16 @@ def test_the_kernel_loads_from_its_own_package():
     # an editable install elsewhere would lend its kernel to a package without one
     from planar_chain_sim import _kernel
     assert Path(_kernel.__file__).parent == Path(planar_chain_sim.__file__).parent
+
+
+ROSDEP_KEYS = {'mcap': 'mcap-ros2-support', 'numpy': 'python3-numpy', 'pyyaml': 'python3-yaml', 'tqdm': 'python3-tqdm'}
+
+
+def test_rosdep_installs_what_pip_does():
+    listed = re.search(r'install_requires=\[(.*?)\]', (ROOT / 'setup.py').read_text(), re.DOTALL).group(1)
+    needed = re.findall(r"'([a-z0-9-]+)", listed)
+    wanted = {part.text for part in ElementTree.parse(ROOT / 'package.xml').getroot().iter('exec_depend')}
+    assert needed and {ROSDEP_KEYS[name] for name in needed} <= wanted
 
 
 def test_metadata_agrees():

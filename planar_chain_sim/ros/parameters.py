@@ -96,26 +96,29 @@ PARAMETERS = (
         of_chain=(TEXTS, lambda chain: list(chain.joint_names))),
     Row('commanded_joints', None, 'Names that the efforts of a JointState with fewer efforts than names are for, in '
         'order; default or empty: such a message is refused.', of_chain=(TEXTS, lambda chain: [])),
-    *(Row(name, None, f'{name.replace("_", " ").capitalize()}.', live=True, unit=quantity.unit,
-          of_chain=(NUMBERS, quantity.get)) for name, quantity in QUANTITIES.items()),
+    *(Row(name, None, f'{name.replace("_", " ").capitalize()}: {quantity.unit.partition(", ")[2]}.', live=True,
+          unit=quantity.unit.partition(', ')[0], of_chain=(NUMBERS, quantity.get))
+      for name, quantity in QUANTITIES.items()),
 )
 ROWS = {row.name: row for row in PARAMETERS}
 
 
 def parameter_table(rows=PARAMETERS, width: int = 80) -> str:
-    """Return the parameters as a text of at most `width` columns: name, default, unit, live or not; the meaning."""
-    lines = [f'{"parameter":21}{"default":22}{"live":6}unit']
+    """Return the parameters as a text of at most `width` columns: name, default, live or not, unit; the meaning."""
+    cells = [('parameter', 'default', 'live', 'unit')]
     for row in rows:
-        default = "the chain's" if row.of_chain else str(row.default) if row.type == 'STRING' else (
-            str(row.default).lower())
-        begin = f'{row.name:21}{default or repr(""):22}{"yes" if row.live else "no":6}'
-        lines += textwrap.wrap(begin + row.unit, width, subsequent_indent=49 * ' ')
-        meaning = row.description
-        if row.limits:
-            meaning += f' Range: {row.range}.'
-        if row.choices:
-            meaning += f' Choices: {", ".join(row.choices)}.'
-        lines += textwrap.wrap(meaning, width, initial_indent='    ', subsequent_indent='    ')
+        default = "the chain's" if row.of_chain else str(row.default)
+        default = default.lower() if row.type == 'BOOL' else default or "''"
+        cells.append((row.name, default, 'yes' if row.live else 'no', row.unit))
+    names, defaults = (max(len(cell[column]) for cell in cells) + 2 for column in (0, 1))
+    lines = []
+    for row, (name, default, live, unit) in zip((None, *rows), cells):
+        lines.append(f'{name:{names}}{default:{defaults}}{live:6}{unit}'.rstrip())
+        if row:
+            meaning = row.description
+            meaning += f' Range: {row.range}.' if row.limits else ''
+            meaning += f' Choices: {", ".join(row.choices)}.' if row.choices else ''
+            lines += textwrap.wrap(meaning, width, initial_indent='    ', subsequent_indent='    ')
     return '\n'.join(lines)
 
 
