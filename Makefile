@@ -67,6 +67,7 @@ soak: $(BENCH_READY) $(TEST_READY)
 	$(VENV)/bin/benchmark stability --csv $(BENCH_FOLDER)/stability.csv --picture $(BENCH_FOLDER)/stability.png \
 	  --peers MuJoCo
 	SOAK=20 $(PY) -m pytest test/test_node_process.py test/test_neighbours.py -k 'stop_signal or flood'
+	SOAK=30 $(PY) -m pytest test/test_joining.py
 	$(PY) -m planar_chain_sim.benchmark.soak --rate 1000 --seconds 600
 	$(PY) -m planar_chain_sim.benchmark.soak --rate 2000 5000 --seconds 60
 	$(MAKE) fuzz races

@@ -18,6 +18,7 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import get_typestore, Stores
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
+import yaml
 
 from planar_chain_sim import load_chain, rollout
 from planar_chain_sim.recording.cdr import decode_joint_state, decode_string
@@ -346,3 +347,22 @@ def test_who_needs_no_log_needs_no_mcap(program, arguments, tmp_path):
             if 'running' in line:
                 process.terminate()
     assert process.returncode == 0
+
+
+def test_the_log_has_the_quality_of_service_of_the_publishers_overrides_included(tmp_path):
+    path = tmp_path / 'run.mcap'
+    overrides = {'/qos/joint_states.publisher.reliability': 'best_effort', '/qos/joint_states.publisher.depth': 3,
+                 '/qos/simulator/events.publisher.history': 'keep_all',
+                 '/qos/simulator/commands.subscription.depth': 200}
+    with simulator('__ns:=/qos', record=path, **{f'qos_overrides.{name}': value
+                                                 for name, value in overrides.items()}) as process:
+        assert process.stop() == 0, process.output
+    offered = {}
+    with open(path, 'rb') as file:
+        for channel in make_reader(file).get_summary().channels.values():
+            qos, = yaml.safe_load(channel.metadata['offered_qos_profiles'])
+            offered[channel.topic] = qos['reliability'], qos['durability'], qos['history'], qos['depth']
+    assert offered['/qos/joint_states'] == ('best_effort', 'volatile', 'keep_last', 3)
+    assert offered['/qos/simulator/events'][:3] == ('reliable', 'volatile', 'keep_all')
+    assert offered['/qos/simulator/commands'] == ('reliable', 'volatile', 'keep_last', 200)
+    assert offered['/qos/simulator/wrench'] == ('reliable', 'volatile', 'keep_last', 64)

@@ -16,19 +16,20 @@ _FOREVER = {'sec': 9223372036, 'nsec': 854775807}
 
 @dataclass(frozen=True)
 class Channel:
-    """One topic of a log: fully qualified name, a type out of MESSAGE_TYPES and the QoS that its publisher offers."""
+    """One topic of a log: fully qualified name, a type out of MESSAGE_TYPES, QoS of its publisher or subscription."""
 
     topic: str
     type_name: str
     depth: int = 10
     reliability: str = 'reliable'
     durability: str = 'volatile'
+    history: str = 'keep_last'
 
 
 def offered_qos_profiles(channel: Channel) -> list:
     """Return the channel's QoS as a rosbag2 sequence of one profile: all nine keys, policies in words."""
     return [{
-        'history': 'keep_last', 'depth': channel.depth,
+        'history': channel.history, 'depth': channel.depth,
         'reliability': channel.reliability, 'durability': channel.durability,
         'deadline': dict(_FOREVER), 'lifespan': dict(_FOREVER),
         'liveliness': 'automatic', 'liveliness_lease_duration': dict(_FOREVER),

@@ -31,7 +31,8 @@ class CommandIntake:
         self._names, self._inputs, self._publication, self._warn = chain.joint_names, inputs, publication, warn
         self._topics = {key: subscription.topic_name for key, subscription in inputs.items()}
         # Bound once: subscriptions outlive the thread that takes from them, and it does so at every tick.
-        self._takes = {key: (subscription.handle.take_message, subscription.msg_type, range(INPUTS[key].depth))
+        self._takes = {key: (subscription.handle.take_message, subscription.msg_type,
+                             range(max(subscription.qos_profile.depth, INPUTS[key].depth)))
                        for key, subscription in inputs.items()}
         self._reader = CommandReader(self._names, commanded)
         self._wrench_reader = WrenchReader([body.name for body in chain.bodies])

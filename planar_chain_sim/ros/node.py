@@ -7,7 +7,7 @@ from shutil import get_terminal_size
 import sys
 import warnings
 
-from .process import run_until_stopped, start_node, wait_for
+from .process import refuse_clock, run_until_stopped, start_node, wait_for
 
 DESCRIPTION = """\
 A planar chain of rigid bodies, simulated in real time as a ROS 2 node.
@@ -48,6 +48,8 @@ def simulate(own_arguments, ros_arguments, stop) -> None:
     if log and log.error:   # told when it happened, but for what happened at the end
         print(f'simulator: {log.error}', file=sys.stderr)
     if reason is not None:
+        if type(reason).__name__ == 'RCLError':
+            refuse_clock()   # which may have been set to where nothing can be sent
         raise reason
 
 
@@ -183,19 +185,30 @@ def frames_of(chain, urdf, values):
 
 def tell_of_clocks(node, values) -> None:
     """
-    Say what use_sim_time means here, once.
+    Say what use_sim_time means here, at the start and whenever somebody sets it.
 
     Ticks are counted on the steady clock and nothing here waits for /clock. A subscription to it would only cost, of
     our own time a thousand messages a second.
     """
-    if not node.get_parameter('use_sim_time').value:
-        return
-    node._time_source.detach_node()
-    if values['publish_clock']:
-        node.get_logger().info('use_sim_time is set and this node is the clock')
-    else:
-        node.get_logger().warning('use_sim_time is set, but this node keeps wall time and stamps with it; '
-                                  'publish_clock:=true makes it the clock')
+    def tell(wanted: bool) -> None:
+        if not wanted:
+            node.get_logger().info('use_sim_time is off, which changes nothing: this node never waits for /clock')
+            return
+        node._time_source.detach_node()
+        if values['publish_clock']:
+            node.get_logger().info('use_sim_time is set and this node is the clock')
+        else:
+            node.get_logger().warning('use_sim_time is set, but this node keeps wall time and stamps with it; '
+                                      'publish_clock:=true, at the start, makes it the clock')
+
+    def tell_all(parameters) -> None:
+        for parameter in parameters:
+            if parameter.name == 'use_sim_time':
+                tell(parameter.value)
+
+    if node.get_parameter('use_sim_time').value:
+        tell(True)
+    node.add_post_set_parameters_callback(tell_all)
 
 
 def simulator_class(values):

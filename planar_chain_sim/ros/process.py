@@ -8,6 +8,7 @@ from queue import Empty, SimpleQueue
 import re
 import signal
 import sys
+from time import time_ns
 from typing import Callable, Optional, Sequence
 
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -78,6 +79,16 @@ def split_arguments(arguments: Sequence[str]) -> tuple[list, list]:
     return own, ros
 
 
+def refuse_clock() -> None:
+    """Mistake where the system clock is at a time that ROS messages and the middleware cannot carry."""
+    from .pacing import LAST_STAMP
+    from ..command_line import Mistake
+    now = time_ns()
+    if not 0 <= now <= LAST_STAMP:
+        raise Mistake(f'the system clock is in the year {int(1970 + now / 31_556_952e9)}, and ROS messages can be sent '
+                      'from 1970 to January 2038 only: set the clock')
+
+
 def start_node(name: str, arguments: Sequence[str], ending: ExitStack):
     """
     Start ROS with these arguments and return a new rclpy node; `ending` will take both down.
@@ -87,6 +98,7 @@ def start_node(name: str, arguments: Sequence[str], ending: ExitStack):
     from ..command_line import Mistake
     if not Path('DEFAULT_FASTRTPS_PROFILES.xml').exists():  # which Fast DDS takes of itself
         os.environ.setdefault('FASTRTPS_DEFAULT_PROFILES_FILE', str(DDS_PROFILE))
+    refuse_clock()
     from .arguments import refuse_mixed_lists, unheard
     refuse_mixed_lists(arguments)
     try:

@@ -11,8 +11,7 @@ from ..recording.run_settings import settings_of
 def open_log(simulation, values, publishers, inputs) -> BackgroundLogWriter:
     """Return the log of the parameter `record`, begun at the simulation's present tick; Mistake if it can't be."""
     rows = {**OUTPUTS, **INPUTS}
-    channels = [Channel(part.topic_name, rows[key].type_name, rows[key].depth)
-                for key, part in {**publishers, **inputs}.items()]
+    channels = [channel_of(part, rows[key].type_name) for key, part in {**publishers, **inputs}.items()]
     settings = settings_of(simulation, publishers['state'].topic_name, publishers['events'].topic_name)
     try:
         return BackgroundLogWriter(
@@ -20,3 +19,10 @@ def open_log(simulation, values, publishers, inputs) -> BackgroundLogWriter:
             {'planar_chain_sim': settings}, values['record_flush_period'], values['record_compression'])
     except LogError as error:
         raise Mistake(str(error)) from None
+
+
+def channel_of(end, type_name: str) -> Channel:
+    """Return the channel of a publisher or subscription, with the QoS that it has, overrides included."""
+    qos = end.qos_profile
+    return Channel(end.topic_name, type_name, qos.depth, qos.reliability.short_key, qos.durability.short_key,
+                   qos.history.short_key)
