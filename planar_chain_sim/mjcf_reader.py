@@ -329,8 +329,13 @@ class _Reader:
         compiler = self.compiler
         for body in self.bodies:
             from_geoms = compiler.from_geoms == 'true' or compiler.from_geoms == 'auto' and body.inertial is None
-            if not (from_geoms and self._mass_from_geoms(body)) and body.inertial is not None:
-                self._mass_from_inertial(body)
+            if not (from_geoms and self._mass_from_geoms(body)):
+                if body.inertial is not None:
+                    self._mass_from_inertial(body)
+                else:   # where MuJoCo puts a mass that boundmass makes: as far from the body as that from its parent
+                    turn, point = (np.eye(3), np.zeros(3)) if body.parent < 0 else (
+                        self.bodies[body.parent].turn, self.bodies[body.parent].point)
+                    body.center = body.point + body.turn @ turn.T @ (body.point - point)
             body.mass = max(body.mass, compiler.bound_mass)
             moments, axes = np.linalg.eigh(body.inertia) if np.isfinite(body.inertia).all() else (np.zeros(3), None)
             bounded = np.maximum(moments, compiler.bound_inertia)

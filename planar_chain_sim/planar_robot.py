@@ -228,7 +228,7 @@ def _candidates(axes: np.ndarray, turns: np.ndarray) -> list:
         directions = axes[turns][::-1]
     else:
         crossed = [np.cross(axes[0], other) for other in axes[1:]]
-        crossed += [np.cross(axes[0], UP), np.cross(axes[0], [1.0, 0.0, 0.0])]
+        crossed += [np.cross(axes[0], UP), np.cross(axes[0], [1.0, 0.0, 0.0]), axes[0]]   # the last: across the others
         directions = np.array([other / np.linalg.norm(other) for other in crossed if np.linalg.norm(other) > PARALLEL])
     found = []
     while len(directions) and len(found) < DIRECTIONS:

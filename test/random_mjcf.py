@@ -109,7 +109,7 @@ class RandomMjcf:
         if random.random() < 0.6:
             axis, kind = turn.T @ self.normal * random.choice([-1.0, 1.0, 3.0]), random.choice(['', ' type="hinge"'])
         else:
-            across = np.cross(self.normal, self.unit())
+            across = self.normal if random.random() < 0.15 else np.cross(self.normal, self.unit())   # of a SCARA
             axis, kind = turn.T @ (across / np.linalg.norm(across)), ' type="slide"'
         says = {'pos': digits(random.normal(0, 0.3, 3)) if random.random() < 0.5 else None, 'axis': digits(axis)}
         scale = 60.0 if self.degrees else 1.0

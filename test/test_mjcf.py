@@ -172,6 +172,22 @@ def test_the_kinds_that_people_have_move_as_in_mujoco(kind):
         assert error <= 1e-12 <= allowed
 
 
+def test_a_scara_moves_as_in_mujoco():
+    """Its slide along the normal, with weight, gravcomp of half, a spring and a rotor, is a joint like others."""
+    text = """<mujoco><option gravity="0 1 -9.81"><flag contact="disable"/></option><worldbody>
+      <body gravcomp="0.5"><joint name="a" axis="0 0 1" damping="0.2"/><geom type="box" size=".3 .1 .1" pos=".2 0 0"/>
+        <body gravcomp="0.5" pos=".5 0 0"><joint name="b" axis="0 0 -1"/><geom type="box" size=".2 .1 .1" pos=".2 0 0"/>
+          <body gravcomp="0.5" pos=".4 0 0"><joint name="z" type="slide" axis="0 0 -1" ref="0.1" stiffness="30"
+            springref="0.2" armature="0.5" damping="2"/><geom size=".05"/>
+            <body gravcomp="0.5" pos="0 0 -.2"><joint name="zz" type="slide" axis="0 0 1"/><geom size=".04"/></body>
+          </body></body></body></worldbody></mujoco>"""
+    chain, note = read(text)
+    assert "along its normal, on their own, slide 'z', 'zz'" in note or "slide 'zz', 'z'" in note
+    for seed in range(20):
+        error, _ = differs(text, chain, seed)
+        assert error <= 1e-12
+
+
 def test_laws_limits_and_motors_are_taken():
     chain, note = read(REACHER)
     assert [(joint.lower, joint.upper, joint.position, joint.effort_limit) for joint in chain.joints] == [
