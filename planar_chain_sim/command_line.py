@@ -12,7 +12,8 @@ import textwrap
 from typing import Callable, NoReturn, Optional, Sequence
 import warnings
 
-INTERRUPTED = 130   # the shell's code for a command that Ctrl-C ended
+STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+ENDED_BY = 128   # and the signal's number: the shell's code for a command that a signal ended
 NUMBERS = re.compile(r'-(?:[\d.]|inf|nan|pi)')   # how a value begins that is no option
 LONGEST = 4000      # characters of a sentence
 NOT_WRITTEN = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
@@ -85,19 +86,33 @@ def run_command(program: str, body: Callable[[Optional[Sequence[str]]], int],
     """
     Run `body(arguments)` and return its exit code; 2 and one sentence on stderr for a user's mistake; 130 after Ctrl-C.
 
-    SIGTERM is taken for Ctrl-C, so that files are closed as they should be. What is no mistake of the user shows its
-    traceback, with exit code 2 too.
+    SIGTERM and SIGHUP are taken for Ctrl-C, so that files are closed as they should be, with 143 and 129. What is no
+    mistake of the user shows its traceback, with exit code 2 too.
     """
     from .chain import RobotFileNote
-    for number in (signal.SIGINT, signal.SIGTERM):   # SIGINT too: a shell's background job is born deaf to it
-        signal.signal(number, signal.default_int_handler)
+    catch_stop_signals(_interrupt)
     warnings.showwarning = lambda message, category, *_: print(
         f'{program}: {"note" if issubclass(category, RobotFileNote) else "warning"}: {message}', file=sys.stderr)
     try:
         return exit_code(program, lambda: body(arguments))
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as stop:
         say(program, 'interrupted')
-        return INTERRUPTED
+        return ENDED_BY + (stop.args[0] if stop.args else signal.SIGINT)
+
+
+def catch_stop_signals(handler: Callable) -> None:
+    """
+    Have `handler(number, frame)` called at every stop signal; a SIGHUP that is ignored, as under nohup, stays so.
+
+    SIGINT is caught even where it is ignored: a shell's background job is born deaf to it.
+    """
+    for number in STOP_SIGNALS:
+        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, handler)
+
+
+def _interrupt(number, frame) -> NoReturn:
+    raise KeyboardInterrupt(int(number))
 
 
 def exit_code(program: str, work: Callable[[], int]) -> int:

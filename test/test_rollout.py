@@ -28,7 +28,7 @@ def test_ten_seconds_into_a_log_of_the_chain_files_name(tmp_path, monkeypatch, c
     assert sum(1 for _ in read_log(tmp_path / 'four_link_robot.mcap').messages) == 10001
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_the_run_and_closes_the_log(tmp_path, number):
     path = tmp_path / 'run.mcap'
     process = subprocess.Popen([sys.executable, '-m', 'planar_chain_sim.recording.rollout', ROBOT, '--duration', '1e5',
@@ -41,7 +41,7 @@ def test_a_signal_ends_the_run_and_closes_the_log(tmp_path, number):
         assert process.communicate(timeout=30)[1] == 'rollout: interrupted\n'
     finally:
         process.kill()
-    assert process.returncode == 130 and read_log(path).complete
+    assert process.returncode == 128 + number and read_log(path).complete
 
 
 def test_progress_is_shown_tick_by_tick_in_the_end(tmp_path):

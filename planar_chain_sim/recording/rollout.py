@@ -3,7 +3,6 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-import signal
 import sys
 from time import perf_counter
 from typing import Optional
@@ -18,7 +17,7 @@ from .run_settings import settings_of
 from ..chain import ChainError
 from ..chain_section import clipped
 from ..chain_yaml import load_chain
-from ..command_line import add_hold, Mistake, Parser, run_command, tell
+from ..command_line import add_hold, catch_stop_signals, Mistake, Parser, run_command, tell
 from ..dynamics import Interrupted, SimulationError
 from ..integrators import METHODS
 from ..simulation import initial_state, JointEvent, Simulation, whole_ticks
@@ -153,14 +152,14 @@ def _rollout_to_file(arguments) -> int:
     from tqdm import tqdm   # the progress bar; not needed where rollout is a function
     tell(f'{chain.name}: {simulation.plan}')
     began = perf_counter()
-    for number in (signal.SIGINT, signal.SIGTERM):   # an exception in the midst of a record would tear the log
-        signal.signal(number, lambda number, frame: simulation.interrupt())
+    stops = []   # signals: an exception in the midst of a record would tear the log
+    catch_stop_signals(lambda number, frame: (stops.append(number), simulation.interrupt()))
     with OfflineLog(path, simulation, options.compression) as log, tqdm(
             total=ticks, unit='tick', unit_scale=True, disable=None, leave=False) as bar:
         try:
             roll_to_log(simulation, ticks, effort, log, bar.update)
         except Interrupted:
-            raise KeyboardInterrupt from None
+            raise KeyboardInterrupt(*stops[:1]) from None
     tell(f'{path}: {simulation.time:g} s simulated in {perf_counter() - began:.2f} s, {ticks + 1} states')
     return 0
 
