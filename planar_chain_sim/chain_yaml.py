@@ -93,6 +93,8 @@ def decoded(data: bytes, name: str) -> str:
     try:
         return data.decode('utf-8-sig')
     except UnicodeDecodeError as error:
+        if data.lstrip().startswith(b'<'):   # XML of another encoding: what matters in a robot's file is ASCII
+            return data.decode('cp1252', 'replace')
         line = data.count(b'\n', 0, error.start) + 1
         raise ChainError(f'{name} line {line}: is not UTF-8 text, must be a chain file in YAML') from None
 

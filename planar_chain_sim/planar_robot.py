@@ -262,13 +262,16 @@ def _carried(robot) -> dict:
 
 
 def _refuse_idle(robot, carried, name: str):
-    """Raise for a joint that moves nothing."""
-    for joint in robot.joints:
-        mass, inertia = carried[joint.name]
-        if joint.moves and not mass and (joint.kind == 'slide' or not inertia):
-            raise ChainError(f"{name}: joint '{clipped(joint.name)}' moves no mass, as link '{clipped(joint.child)}' "
-                             'and what it carries have none, must move some or be held '
-                             f"(hold '{clipped(joint.name)}')")
+    """Raise for joints that move nothing."""
+    idle = [joint for joint in robot.joints if joint.moves and not carried[joint.name][0]
+            and (joint.kind == 'slide' or not carried[joint.name][1])]
+    if not idle:
+        return
+    if not any(link.mass or link.inertia.any() for link in robot.links.values()):
+        raise ChainError(f'{name}: has no link with a mass (element inertial), must have one to move')
+    joints, links = (quoted(getattr(joint, what) for joint in idle) for what in ('name', 'child'))
+    what = f'joint {joints} moves no mass, as link' if len(idle) == 1 else f'joints {joints} move no mass, as links'
+    raise ChainError(f'{name}: {what} {links} and what they carry have none, must move some or be held (hold {joints})')
 
 
 def _heading(turn: np.ndarray, basis: np.ndarray) -> float:

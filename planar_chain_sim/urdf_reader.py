@@ -21,6 +21,7 @@ from .xml_elements import Element, read_xml
 
 KINDS = {'fixed': 'fixed', 'continuous': 'rotation', 'revolute': 'rotation', 'prismatic': 'slide'}
 FREE = ('floating', 'planar')
+MAX_JOINTS = 10_000
 NUMBER = re.compile(r'[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|[-+]?(inf|nan|infinity)', re.ASCII | re.IGNORECASE)
 PART_OF_ROBOT = ('link', 'joint', 'material', 'transmission', 'gazebo', 'ros2_control', 'sensor')
 PART_OF_JOINT = ('parent', 'child', 'origin', 'axis', 'limit', 'dynamics', 'mimic')
@@ -156,7 +157,7 @@ class Reader:
         for element in self.root.all(tag):
             name = element.get('name')
             if not name or not name.isprintable():
-                self.fail(f'{tag} on line {element.line} has no name, must have one')
+                self.fail(f'{tag} on line {element.line} has no name, must have a printable one')
             if name in found:
                 self.fail(f"has two {tag}s '{clipped(name)}', on lines {found[name].line} and {element.line}, "
                           'must have different names')
@@ -168,6 +169,8 @@ class Reader:
     def robot(self, hold: dict) -> SpatialRobot:
         """Return the tree of links; joints that `hold` names are welded."""
         links, joints = self.named('link'), self.named('joint')
+        if len(joints) > MAX_JOINTS:
+            self.fail(f'has {len(joints)} joints, must have at most {MAX_JOINTS}')
         for name in hold:
             if name not in joints:
                 self.fail(f"hold names '{clipped(name)}', {NOT_THERE}{suggestion(name, list(joints))}, must name its "

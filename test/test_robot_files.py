@@ -6,7 +6,7 @@ import warnings
 
 import numpy as np
 import pytest
-from random_robots import by_mujoco, by_pinocchio, random_robot
+from random_robots import by_mujoco, by_pinocchio, inertial, random_robot, row
 
 import planar_chain_sim as pcs
 from planar_chain_sim.chain import RobotFileNote
@@ -227,7 +227,7 @@ def test_the_mass_of_the_root_and_a_missing_inertia_are_told():
     ({'more': '<link name="c"/><joint name="f" type="fixed"><parent link="c"/><child link="lost"/></joint>'
               '<link name="lost"/>'}, "has 2 links that no joint carries, 'stand', 'c', must be one tree"),
     ({'more': '<link name="c"/><joint name="f" type="revolute"><parent link="b"/><child link="c"/><axis xyz="0 1 0"/>'
-              '</joint>'}, "joint 'f' moves no mass, as link 'c' and what it carries have none"),
+              '</joint>'}, "joint 'f' moves no mass, as link 'c' and what they carry have none, must move some"),
     ({'in_a': '<inertial><mass value="-1"/></inertial>'}, "link 'a' has value '-1', must be a finite number >= 0"),
     ({'in_e': '<dynamics damping="-1"/>'}, "joint 'e' has damping '-1', must be a finite number >= 0"),
     ({'in_a': '<inertial><inertia iyy="-1"/></inertial>'}, "link 'a' has the moment of inertia -1 kg m^2"),
@@ -315,6 +315,34 @@ def test_a_joint_with_one_stop_is_held_on_its_side_of_it():
     text = arm(kind='revolute', in_e='<limit lower="-1" upper="1e9" effort="1" velocity="1"/>')
     assert load(text, {'e': 50.0})[0].joint_names == ('s',)
     assert "hold gives -2.0 to joint 'e', must lie between its limits, -1.0 and inf" in refusal(text, {'e': -2.0})
+
+
+def test_what_moves_no_mass_is_named_all_at_once():
+    tips = ''.join(f'<link name="c{k}"/><joint name="f{k}" type="prismatic"><parent link="b"/><child link="c{k}"/>'
+                   '<axis xyz="0 0 1"/></joint>' for k in (1, 2))
+    assert ("joints 'f1', 'f2' move no mass, as links 'c1', 'c2' and what they carry have none, must move some or be "
+            "held (hold 'f1', 'f2')") in refusal(arm(more=tips))
+    assert load(arm(more=tips), ['f1', 'f2'])[0].joint_names == ('s', 'e')
+    bare = re.sub('<inertial>.*?</inertial>', '', arm())
+    assert refusal(bare) == 'r.urdf: has no link with a mass (element inertial), must have one to move'
+
+
+def test_a_file_in_another_encoding_loads(tmp_path):
+    path = tmp_path / 'robot.urdf'
+    path.write_bytes(arm(more='<!-- fl\xe8che, pivot noktas\xfd -->').encode('latin-1'))
+    assert pcs.load_chain(path).joint_names == ('s', 'e')
+
+
+def test_gantries():
+    """Slides alone, one of them along the normal of the plane of the others."""
+    for axes in (((1, 0, 0), (0, 1, 0), (0, 0, 1)), ((0, 0, 1), (1, 0, 0), (0, 1, 0)), ((1, 1, 0),), ((0, 0, 1),),
+                 ((0, 1, 0), (1, 0, 0), (0, 0, 1), (0, 0, -1), (0, 1, 0))):
+        random = np.random.default_rng(0)
+        text = '<robot name="g"><link name="l0"/>' + ''.join(
+            f'<link name="l{k}">{inertial(random)}</link><joint name="j{k}" type="prismatic"><parent link="l{k - 1}"/>'
+            f'<child link="l{k}"/><axis xyz="{row(axis)}"/><limit lower="-9" upper="9" effort="9" velocity="1"/>'
+            '</joint>' for k, axis in enumerate(axes, start=1)) + '</robot>'
+        agrees(text, chain_from_text(text), 1)
 
 
 def test_floating_bases_are_held_where_they_are():
