@@ -123,7 +123,7 @@ define set_up
 	    'or name one with PYTHON=/path/to/python3' >&2; exit 1 ;; \
 	  *) $$python -m venv --clear $(VENV) ;; \
 	esac
-	@echo 'setting up $(VENV), once: downloading packages and compiling the kernel, some minutes ...' >&2
+	@echo 'setting up $(VENV), once: 250 MB or more to download, and a minute or two of compiling ...' >&2
 	$(PIP) $(BUILD_TOOLS)
 	$(PIP) --no-build-isolation --editable '.[$(1)]'
 endef

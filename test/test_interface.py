@@ -168,13 +168,14 @@ def test_diagnostics_tell_of_time_commands_energy_and_log(everything):
     messages.clear()
     everything.until(lambda: len(messages) >= 2)
     parts = statuses(messages[-1])
-    assert list(parts) == ['simulation', 'commands', 'log']
+    assert list(parts) == ['simulation', 'commands', 'log', 'network']
     assert {part.hardware_id for part in parts.values()} == {CHAIN.name}
     simulation = values(parts['simulation'])
     assert float(simulation['real_time_factor']) > 0.0
     assert {'missed ticks', 'dropped ticks', 'lateness mean, s', 'energy balance error, J'} <= set(simulation)
     assert 0.0 < abs(float(simulation['energy balance error, relative'])) < 1e-5   # exactly 0: nobody looks
-    assert values(parts['commands']) == {'rejected': '3', 'rejected, wrong length': '2', 'rejected, not finite': '1'}
+    assert values(parts['commands']) == {'rejected': '3', 'rejected, wrong length': '2', 'rejected, not finite': '1',
+                                         'ignored': '0', 'superseded': '0'}
     assert values(parts['log'])['path'] == str(everything.log) and parts['log'].message == 'writing'
     apart = (messages[-1].header.stamp.sec - messages[-2].header.stamp.sec
              + 1e-9 * (messages[-1].header.stamp.nanosec - messages[-2].header.stamp.nanosec))

@@ -276,3 +276,27 @@ def test_the_middleware_wakes_no_thread_for_each_state():
         before, seen = wakes(), len(peer.states)
         peer.until(lambda: len(peer.states) >= seen + 2000)
         assert wakes() - before < 0.5 * (len(peer.states) - seen)
+
+
+def once(data, seconds=0.1):
+    """Do what `ros2 topic pub --once` does: wait for a listener, publish, and leave a tenth of a second later."""
+    with Peer() as sender:
+        sender.until(sender.commands.get_subscription_count, 'a match')
+        sender.commands.publish(Float64MultiArray(data=data))
+        time.sleep(seconds)
+
+
+def test_efforts_sent_once_by_hand_last_where_they_are_held():
+    with simulator() as process, Peer() as peer:
+        peer.node.destroy_publisher(peer.commands)   # no publisher but the one that comes and goes
+        peer.node.destroy_publisher(peer.joint_commands)
+        peer.until(lambda: peer.states and peer.events_in.get_publisher_count())
+        once([2.0] * 5)
+        peer.until(lambda: events(peer, 'controller_loss'))
+        assert list(peer.new_state().effort) == [0.0] * 5
+        assert peer.set(on_controller_loss='hold') == [(True, '')]
+        once([3.0] * 5)
+        first = peer.new_state(lambda state: state.effort[0] == 3.0)
+        later = peer.new_state(lambda state: stamp_ns(state) > stamp_ns(first) + 1_000_000_000)
+        assert list(later.effort) == [3.0] * 5
+        assert process.stop() == 0, process.output
