@@ -59,6 +59,7 @@ class Reader:
     def __init__(self, root: Element, name: str):
         """Refuse what is no URDF, or one that holds more than a tree of links."""
         self.name, self.root = name, root
+        self.welded = {}      # link that <gazebo> welds to the world -> how to refuse that
         self.unused = {}      # what is dropped -> names of where it stands, in the order of the text
         self.unstopped, self.moved, self.powerless = [], [], []
         if root.tag != 'robot':
@@ -97,8 +98,10 @@ class Reader:
                 where = f'in <{block.tag}>, line {element.line}'
                 if element.tag == 'joint' and element.find('parent') and element.find('child'):
                     ends = [_text_or_link(element.find(end)) for end in ('parent', 'child')]
-                    if element.get('type') != 'fixed' or 'world' not in ends:   # welded to the world stands any root
-                        self._refuse_loop(f"joint '{clipped(element.get('name') or '')}'", *ends, where)
+                    what = f"joint '{clipped(element.get('name') or '')}'", *ends, where
+                    if element.get('type') != 'fixed' or 'world' not in ends:
+                        self._refuse_loop(*what)
+                    self.welded[ends[ends[0] == 'world']] = what
                 elif element.tag == 'plugin' and 'DetachableJoint' in str(element.attributes):
                     ends = [_text_or_link(element.find(end)) for end in ('parent_link', 'child_link')]
                     self._refuse_loop(f"DetachableJoint '{clipped(element.get('name') or '')}'", *ends, where)
@@ -182,6 +185,11 @@ class Reader:
         made = {}
         for name in order:
             made[name] = self._joint(name, joints[name], ends[name], hold, initial.get(name, {}))
+        still = {root, 'world'}   # what stands may be welded to the world
+        still.update(joint.child for joint in made.values() if joint.parent in still and not joint.moves)
+        for link, what in self.welded.items():
+            if link not in still:
+                self._refuse_loop(*what)
         bodies = {name: self._link(name, element) for name, element in links.items()}
         bodies.setdefault('world', Link('world'))
         if bodies[root].mass:

@@ -63,9 +63,15 @@ def random_robot(seed: int, normal=None, lengthwise: float = 0.0, askew: float =
     return ''.join(text) + '</robot>'
 
 
-def by_pinocchio(text: str, names, position, velocity, effort) -> np.ndarray:
-    """Return the accelerations of the joints of these names, in their order."""
+def by_pinocchio(text: str, names, position, velocity, effort, hold=None) -> np.ndarray:
+    """Return the accelerations of the joints of these names, in their order; `hold`: joint -> value at which it is."""
     model = pinocchio.buildModelFromXML(text)
+    if hold:
+        q = pinocchio.neutral(model)
+        for name, value in hold.items():
+            joint = model.joints[model.getJointId(name)]
+            q[joint.idx_q:joint.idx_q + joint.nq] = (np.cos(value), np.sin(value)) if joint.nq == 2 else value
+        model = pinocchio.buildReducedModel(model, [model.getJointId(name) for name in hold], q)
     data = model.createData()
     q, v, tau = pinocchio.neutral(model), np.zeros(model.nv), np.zeros(model.nv)
     joints = [model.joints[model.getJointId(name)] for name in names]
