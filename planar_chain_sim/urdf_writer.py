@@ -249,3 +249,7 @@ def _write(arguments) -> int:
 
 if __name__ == '__main__':
     sys.exit(main())
+
+
+if __name__ == '__main__':
+    sys.exit(main())

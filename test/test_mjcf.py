@@ -300,7 +300,7 @@ def test_hold_makes_a_plane_of_what_has_one_joint_too_many():
 def test_what_is_said_never_to_touch_never_does():
     """Property: where the reader lets contacts be, MuJoCo finds none in any configuration; and it refuses not all."""
     accepted = 0
-    for seed in range(300):
+    for seed in range(200):
         text = RandomMjcf(seed, contacts=True).text
         try:
             model = mujoco.MjModel.from_xml_string(text)
@@ -315,7 +315,7 @@ def test_what_is_said_never_to_touch_never_does():
             data.qpos[:] = np.clip(position, lower, upper)
             mujoco.mj_fwdPosition(model, data)
             assert data.ncon == 0, seed
-    assert accepted > 20
+    assert accepted > 15
 
 
 @pytest.mark.parametrize('text, what', [
