@@ -86,4 +86,5 @@ def without_payload(chain: Chain, own: int, name: str) -> Chain:
     if any(body.carrier == gone for body in bodies):
         raise ValueError(f'payload {name!r} carries another one, which must be dropped first')
     return altered(chain, bodies=tuple(
-        replace(body, carrier=body.carrier - (body.carrier > gone)) for k, body in enumerate(bodies) if k != gone))
+        replace(body, carrier=body.carrier - 1) if body.carrier > gone else body
+        for k, body in enumerate(bodies) if k != gone))

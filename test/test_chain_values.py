@@ -165,10 +165,11 @@ def test_text_is_the_chain_s_own_whatever_it_was_made_with():
 
 
 def test_log_of_a_chain_made_by_hand_is_computed_again_bit_for_bit(tmp_path, capsys):
-    """A text that says something else, a heavier link, a payload attached before the log begins."""
+    """A text that says something else, a payload and a wrench from before the log begins."""
     moon = replace(CHAINS[3], gravity=-1.62j)
     simulation = pcs.Simulation(pcs.Chain(moon.name, moon.gravity, moon.bodies, CHAINS[3].source))
     simulation.attach('forearm', 0.7, (0.2, 0.1))
+    simulation.set_wrench('column', (1.0, -2.0), 0.3, 'world')
     with OfflineLog(tmp_path / 'run.mcap', simulation) as log:
         roll_to_log(simulation, 200, None, log)
     assert resimulation.main([str(tmp_path / 'run.mcap')]) == 0

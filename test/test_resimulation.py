@@ -2,6 +2,7 @@
 from dataclasses import replace
 import json
 from pathlib import Path
+from random import Random
 import struct
 import subprocess
 import sys
@@ -253,3 +254,38 @@ def test_a_tolerance_is_kept_with_the_log(tmp_path, capsys):
     assert resimulation.main([str(path)]) == 0
     assert rollout.main([ROBOT, '--method', 'rk4', '--tolerance', '1e-5', '--output', str(tmp_path / 'no')]) == 2
     assert "method 'rk4' has a fixed step" in capsys.readouterr().err
+
+
+def test_events_that_say_nonsense_are_one_sentence(log, tmp_path, capsys):
+    """Whatever JSON an event's data is: followed or one sentence, and no traceback, which is for mistakes of ours."""
+    random, refused = Random(8), 0
+    odd = [None, 'x', '', [], [1], [1.0, 2.0], {}, {'a': 1}, True, -1, 0, 3, 1e308, 10**400, float('nan'), [None],
+           [10**400],
+           [[1, 2]], 'column', 'forearm', 'gravity', 'damping', 'payload', 5 * [1.0], 5 * [None], 5 * [-1.0]]
+    keys = ['name', 'value', 'body', 'force', 'moment', 'axes', 'mass', 'position', 'inertia_com', 'effort', 'plan']
+    starts = {'tick': 5, 'kind': 'command', 'data': {}}
+    done = False
+    for k in range(150):
+        event = {**starts, 'kind': random.choice(['reset', 'parameter', 'wrench', 'payload', 'command', 'nothing'])}
+        event['data'] = {key: random.choice(odd) for key in random.sample(keys, random.randrange(len(keys)))}
+        if random.random() < 0.2:
+            event[random.choice(['tick', 'kind', 'data', 'more'])] = random.choice(odd)
+        if random.random() < 0.05:
+            event = random.choice(odd)
+        done = False
+
+        def change(message):
+            nonlocal done
+            if message.topic == '/joint_states' or done:
+                return message.data
+            done = True     # the first event of the log, at tick 5
+            return encode_string(json.dumps(event))
+        path = tmp_path / f'{k}.mcap'
+        rewritten(log, path, change, keep=lambda message: message.sequence < 12 and message.log_time < 12e6)
+        code = resimulation.main([str(path)])
+        said = capsys.readouterr()
+        path.unlink()
+        assert code in (0, 1, 2) and 'Traceback' not in said.err, (event, said.err)
+        refused += code == 2
+        assert said.err.count('\n') == (code == 2), (event, said.err)
+    assert 30 < refused < 140

@@ -39,6 +39,9 @@ class OfflineLog:
                                  {'planar_chain_sim': settings_of(simulation, STATE_TOPIC, EVENTS_TOPIC)},
                                  compression=compression)
         self.write_state(simulation.tick, simulation.position, simulation.velocity, simulation.effort)
+        for body, (force, moment, axes) in simulation.wrenches.items():   # that act already
+            self._write_event(simulation.tick, 'wrench', body=body, force=[force.real, force.imag], moment=moment,
+                              axes=axes)
 
     def __enter__(self):
         return self
