@@ -260,8 +260,7 @@ def test_events_that_say_nonsense_are_one_sentence(log, tmp_path, capsys):
     """Whatever JSON an event's data is: followed or one sentence, and no traceback, which is for mistakes of ours."""
     random, refused = Random(8), 0
     odd = [None, 'x', '', [], [1], [1.0, 2.0], {}, {'a': 1}, True, -1, 0, 3, 1e308, 10**400, float('nan'), [None],
-           [10**400],
-           [[1, 2]], 'column', 'forearm', 'gravity', 'damping', 'payload', 5 * [1.0], 5 * [None], 5 * [-1.0]]
+           [10**400], [[1, 2]], 'column', 'forearm', 'gravity', 'damping', 'payload', 5 * [1.0], 5 * [None], 5 * [-1.0]]
     keys = ['name', 'value', 'body', 'force', 'moment', 'axes', 'mass', 'position', 'inertia_com', 'effort', 'plan']
     starts = {'tick': 5, 'kind': 'command', 'data': {}}
     done = False
