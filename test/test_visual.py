@@ -1,0 +1,80 @@
+"""`visual:` is checked like every key, and looks the same in URDF, markers and pictures."""
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+import planar_chain_sim as pcs
+from planar_chain_sim.link_frames import LinkFrames
+from planar_chain_sim.pictures import body_lines
+from planar_chain_sim.urdf_writer import PLANE, urdf_of
+from planar_chain_sim.visual import body_color, COLORS
+
+
+def two_links(**visual):
+    """Return a chain whose first link looks as said; the second begins 0.5 m along it."""
+    link = {'mass': 1.0, 'center_of_mass': [0.2, 0.1], 'inertia_com': 0.1}
+    return pcs.chain_from_dict({'bodies': [
+        {'name': 'a', 'carrier': 'base', **link, 'rotation': {'joint': 'j'}, **({'visual': visual} if visual else {})},
+        {'name': 'b', 'carrier': 'a', 'origin': [0.5, 0.0], **link, 'rotation': {'joint': 'k'}}]})
+
+
+@pytest.mark.parametrize('visual, sentence', [
+    ({'lenght': 1.0}, "key 'visual.lenght' is unknown (did you mean 'length'?), must be one of length, color"),
+    ({'mass': 1.0}, "key 'visual.mass' is unknown, must be one of length, color"),
+    ({'length': '1 m'}, "key 'visual.length' is '1 m', must be a number >= 0 (m)"),
+    ({'length': -1.0}, "key 'visual.length' is -1.0, must be a number >= 0 (m)"),
+    ({'length': float('inf')}, "key 'visual.length' is inf, must be a finite number >= 0 (m)"),
+    ({'length': True}, "key 'visual.length' is true, must be a number"),
+    ({'color': [0.1, 0.2]}, "key 'visual.color' is [0.1, 0.2], must be [red, green, blue]"),
+    ({'color': [0, 0, 255]}, "key 'visual.color' is [0, 0, 255], must be [red, green, blue]"),
+    ({'color': [0, 0, '1']}, "key 'visual.color' is [0, 0, '1'], must be"),
+    ({'color': 'bleu'}, "key 'visual.color' is 'bleu' (did you mean 'blue'?), must be"),
+    ({'color': '#12345'}, "key 'visual.color' is '#12345', must be"),
+    ({'color': 3}, "key 'visual.color' is 3, must be"),
+    ({'color': None}, "key 'visual.color' is empty, must be"),
+])
+def test_what_is_no_look_is_one_sentence(visual, sentence):
+    with pytest.raises(pcs.ChainError) as refusal:
+        two_links(**visual)
+    assert f"body 'a' {sentence}" in str(refusal.value)
+
+
+@pytest.mark.parametrize('color, wanted', [
+    ([0.1, 0.2, 0.3], (0.1, 0.2, 0.3, 1.0)), ([1, 0, 0, 0.5], (1.0, 0.0, 0.0, 0.5)), ('red', (1.0, 0.0, 0.0, 1.0)),
+    ('#336699', (0.2, 0.4, 0.6, 1.0)), (None, (*COLORS[0], 1.0))])
+def test_a_colour_is_the_same_everywhere(color, wanted, tmp_path):
+    chain = two_links(**({} if color is None else {'color': color}))
+    assert body_color(chain, 0) == wanted
+    robot = ElementTree.fromstring(urdf_of(chain))
+    rgba = robot.find("link[@name='a']/visual/material/color").get('rgba')
+    assert tuple(map(float, rgba.split())) == wanted
+    pytest.importorskip('visualization_msgs.msg')
+    from planar_chain_sim.ros.markers import marker_array
+    told = marker_array(chain, LinkFrames(urdf_of(chain), plane=PLANE), 0, np.zeros(2), 'world').markers[0].color
+    np.testing.assert_allclose([told.r, told.g, told.b, told.a], wanted, atol=1e-7)   # which are single precision
+    picture = tmp_path / 'a.svg'
+    from planar_chain_sim.pictures import draw_motion
+    draw_motion(chain, pcs.rollout(chain, 0.1), str(picture))
+    code = '#' + ''.join(f'{round(255 * part):02x}' for part in wanted[:3])
+    assert code in picture.read_text()
+
+
+@pytest.mark.parametrize('visual, end', [({'length': 0.8}, 0.8), ({}, 0.5), ({'length': 0.0}, 0.0)])
+def test_a_length_is_the_same_everywhere(visual, end):
+    chain = two_links(**visual)
+    turn = np.exp(0.3j)
+    (line,), (last,) = body_lines(chain, np.array([0.3, 0.2]))
+    assert abs(line[0]) == 0.0 and abs(line[1] - end * turn) < 1e-15
+    assert abs(last[1] - 0.5 * turn - 2.0 * (0.2 + 0.1j) * np.exp(0.5j)) < 1e-15   # carries nothing, says nothing
+    visual = ElementTree.fromstring(urdf_of(chain)).find("link[@name='a']/visual")
+    middle = np.array(list(map(float, visual.find('origin').get('xyz').split())))
+    size = float(visual.find('geometry/box').get('size').split()[0])
+    np.testing.assert_allclose(middle, [0.5 * end, 0.0, 0.0])
+    assert size == (end or 0.01)
+
+
+def test_a_look_changes_no_bit_of_the_motion():
+    plain, drawn = two_links(), two_links(length=3.0, color='teal')
+    first, second = (pcs.rollout(chain, 0.2) for chain in (plain, drawn))
+    assert np.array_equal(first.position, second.position)
