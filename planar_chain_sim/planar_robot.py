@@ -302,7 +302,7 @@ def _body(robot, joint, places, plane: Plane, name: str) -> dict:
     normal = turn.T @ basis[2]
     moment = float(normal @ link.inertia @ normal)
     if not 0.0 <= moment < np.inf:
-        if not -TINY * abs(link.inertia).max() <= moment < np.inf:
+        if not -TINY * (abs(link.inertia).max() + link.mass) <= moment < np.inf:   # else the rounding of an exporter
             raise ChainError(f"{name}: link '{clipped(link.name)}' has the moment of inertia {moment:.6g} kg m^2 about "
                              "the plane's normal, must have a finite one >= 0")
         moment = 0.0

@@ -335,6 +335,13 @@ def test_what_moves_no_mass_is_named_all_at_once():
     assert refusal(bare) == 'r.urdf: has no link with a mass (element inertial), must have one to move'
 
 
+def test_an_inertia_below_zero_by_rounding_is_none():
+    texts = [arm().replace(POINT.format(0.02), POINT.format(value)) for value in ('-5.4e-20', '0')]
+    assert chain_from_text(texts[0]) == chain_from_text(texts[1])
+    assert "link 'b' has the moment of inertia -1e-09 kg m^2" in refusal(arm().replace(POINT.format(0.02),
+                                                                                      POINT.format('-1e-9')))
+
+
 def test_a_file_in_another_encoding_loads(tmp_path):
     path = tmp_path / 'robot.urdf'
     path.write_bytes(arm(more='<!-- fl\xe8che, pivot noktas\xfd -->').encode('latin-1'))
