@@ -12,6 +12,8 @@ from .path_matrix import motion_of_joints, path_matrix
 from .simulation import rollout, Run
 from .visual import body_color, COLORS, own_end
 
+PICTURES = ('.png', '.svg')
+STEP, LONGEST = 1e-3, 1e4   # s: of the motion that is drawn
 INK, PAPER = '#1f2933', '#ffffff'
 
 
@@ -89,11 +91,17 @@ def draw_log(log, path: str) -> None:
     matplotlib.use('Agg')
     from matplotlib import pyplot
 
-    from .recording.cdr import decode_joint_state
+    from .recording.cdr import CdrError, decode_joint_state
+    from .recording.log_error import LogError
     from .recording.run_settings import simulation_of
 
     chain, topic = simulation_of(log).chain, log.settings['state_topic']
-    states = [decode_joint_state(message.data) for message in log.messages if message.topic == topic]
+    try:
+        states = [decode_joint_state(message.data) for message in log.messages if message.topic == topic]
+    except CdrError as error:
+        raise LogError(f'log {str(log.path)!r}: a state cannot be read ({error})') from None
+    if len(states) < 2:
+        raise LogError(f'log {str(log.path)!r}: it holds {len(states)} states, must hold two to draw them')
     time = np.array([state.stamp - states[0].stamp for state in states]) * 1e-9
     figure, axes = pyplot.subplots(2, 1, figsize=(9.0, 5.4), sharex=True, facecolor=PAPER)
     for rows, quantity, units in zip(axes, ('position', 'effort'), (('m', 'rad'), ('N', 'N m'))):
@@ -126,6 +134,10 @@ def _picture(arguments) -> int:
     add_hold(parser)
     parser.add_argument('--duration', type=float, default=12.0, metavar='S', help='simulated time, s; default 12')
     options = parser.parse_args(arguments)
+    if not options.output.endswith(PICTURES):
+        raise Mistake(f'{options.output!r}: must end in {" or ".join(map(repr, PICTURES))}')
+    if not STEP <= options.duration <= LONGEST:
+        raise Mistake(f'--duration is {options.duration:g} s, must be from {STEP:g} to {LONGEST:g} s')
     try:
         if options.chain.endswith('.mcap'):
             refuse_hold(options)
@@ -133,8 +145,10 @@ def _picture(arguments) -> int:
             draw_log(read_log(options.chain), options.output)
         else:
             chain = load_chain(options.chain, options.hold)
-            draw_motion(chain, rollout(chain, options.duration), options.output)
+            draw_motion(chain, rollout(chain, round(options.duration / STEP) * STEP, STEP), options.output)
     except OSError as error:
+        if error.filename is None:   # of no file
+            raise
         raise Mistake(f'{options.output!r}: {error.strerror}') from None
     except ImportError as error:
         raise Mistake(f'{error}: pictures need the extra [benchmark]') from None

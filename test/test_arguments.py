@@ -79,7 +79,7 @@ def test_odd_arguments_by_the_hundred(name, folder, monkeypatch, capsys):
     """In one process: 0 and a result, or 2 and one sentence. What was refused leaves no file."""
     monkeypatch.chdir(folder)
     monkeypatch.setattr(rollout, 'roll_to_log', lambda *arguments: None)    # 1e9 s would take a while
-    monkeypatch.setattr(pictures, 'rollout', lambda chain, duration: pytest.skip())
+    monkeypatch.setattr(pictures, 'draw_motion', lambda chain, run, path: None)
     random, refused, kept = Random(name), 0, set(folder.iterdir())
     for _ in range(400):
         arguments = odd_arguments(random, name)
@@ -87,8 +87,6 @@ def test_odd_arguments_by_the_hundred(name, folder, monkeypatch, capsys):
             code = DOORS[name](arguments)
         except SystemExit as end:
             assert end.code == 0 and any(each.startswith('-h') or each == '--help' for each in arguments)
-            code = 0
-        except pytest.skip.Exception:
             code = 0
         out, err = capsys.readouterr()
         made = set(folder.iterdir()) - kept
