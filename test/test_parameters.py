@@ -158,6 +158,11 @@ def test_live_parameters_are_converted_checked_and_applied_all_or_none(declared)
                                               Parameter('damping', value=[1.0, -1.0])])
     assert not outcome.successful and 'must be finite numbers >= 0' in outcome.reason
     assert len(applied) == 2 and list(node.get_parameter('gravity').value) == [0.0, -2.0]
+    mixed, = node.set_parameters([Parameter('gravity', value='[0, -1.62]')])   # as `ros2 param set` sends such a list
+    assert mixed.successful and applied[-1] == {'gravity': [0.0, -1.62]}
+    assert list(node.get_parameter('gravity').value) == [0.0, -1.62]
+    assert not node.set_parameters([Parameter('gravity', value='[0, down]')])[0].successful
+    applied.pop()
     for name, value in (('on_controller_loss', 'stop'), ('gravity', [1.0]), ('gravity', 'down'), ('rate', 5.0)):
         assert not node.set_parameters([Parameter(name, value=value)])[0].successful
     assert len(applied) == 2

@@ -9,8 +9,8 @@ from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.parameter import Parameter
 
-from .parameters import (check_for_chain, check_quantity, check_together, checked, NUMBERS, PARAMETERS, Row, ROWS,
-                         Value)
+from .parameters import (check_for_chain, check_quantity, check_together, checked, NUMBERS, numbers_of, PARAMETERS, Row,
+                         ROWS, Value)
 from ..command_line import Mistake
 from ..quantities import QUANTITIES
 
@@ -110,6 +110,9 @@ def _converted(parameter: Parameter, chain) -> Parameter:
         return Parameter(row.name, kind, float(parameter.value))
     if row.type == NUMBERS and parameter.type_ is Parameter.Type.INTEGER_ARRAY and len(parameter.value):
         return Parameter(row.name, kind, list(map(float, parameter.value)))
+    if row.type == NUMBERS and parameter.type_ is Parameter.Type.STRING:   # as `ros2 param set` sends '[0, -1.62]'
+        numbers = numbers_of(parameter.value)
+        return parameter if numbers is None else Parameter(row.name, kind, numbers)
     if row.of_chain and parameter.type_.name.endswith('ARRAY') and not len(parameter.value):
         return Parameter(row.name, kind, row.of_chain[1](chain))
     return parameter

@@ -150,6 +150,15 @@ def checked(row: Row, value) -> Value:
     return value
 
 
+def numbers_of(text: str) -> Optional[list]:
+    """Return the numbers of a text like '[0, -1.62]', None where it is none."""
+    inside = re.fullmatch(r'\s*\[(.*)\]\s*', text)
+    try:
+        return [float(part.strip().replace('.inf', 'inf')) for part in inside.group(1).split(',')] if inside else None
+    except ValueError:
+        return None
+
+
 def check_quantity(chain, name: str, values) -> None:
     """Refuse values of a quantity that the chain cannot have; Mistake."""
     try:

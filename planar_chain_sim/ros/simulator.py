@@ -196,7 +196,8 @@ class Simulator:
             answer = getattr(self, f'_{request.what}')(*request.arguments)
             request.reply.put(answer)
             if request.late and request.what not in WITHDRAWN:
-                self._logger.info(f'{request.what} of a while ago: {answer[1]}')
+                done = f'{answer[1]} ticks' if request.what == 'step_on' and answer[0] else answer[1]
+                self._logger.info(f'{request.what} of a while ago: {done}')
 
     def _stand(self, now: int) -> None:
         """Show the state that stands, again and again, and take commands for when it goes on."""
