@@ -74,7 +74,7 @@ setup(
             'sympy',                     # Lagrange's equations from positions alone, symbolically
             'matplotlib',                # pictures: that they can be drawn
             'mujoco', 'pin',             # independent dynamics libraries as oracles
-            'yourdfpy',                  # an independent reader of URDF
+            'yourdfpy', 'urdfdom-py',    # independent readers of URDF, the second is ROS's own in Python
             'xacro',                     # robot files are expanded with it where it is installed
             'cyclonedds',                # another vendor's DDS, a client of the node
             'rosbags', 'mcap-ros2-support',  # independent readers of the log

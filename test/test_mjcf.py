@@ -399,3 +399,18 @@ def test_every_executable_takes_an_mjcf_file(tmp_path, capsys):
     done = subprocess.run([*command, '--duration', '0.1'], capture_output=True, text=True, timeout=60)
     assert done.returncode == 0 and 'robot.xml: joints ' in done.stderr
     assert resimulation.main([str(log)]) == 0, capsys.readouterr()
+
+
+@pytest.mark.parametrize('distance, touches', [(0.9, True), (1.5, True), (2.05, True), (2.2, False), (9.0, False)])
+def test_the_reach_of_an_arm_decides(distance, touches):
+    """A ball of 0.1 m beside an arm of three links, 1, 0.6 and 0.4 m long and 0.02 m thick, which stretches."""
+    def link(number, length, inner):
+        return (f'<body name="l{number}" pos="0 0 {-[0.0, 1.0, 0.6][number]}"><joint axis="0 1 0"/>'
+                f'<geom type="capsule" fromto="0 0 0 0 0 {-length}" size="0.02" contype="2"/>{inner}</body>')
+    arm = link(0, 1.0, link(1, 0.6, link(2, 0.4, '')))
+    ball = f'<geom name="ball" size="0.1" pos="{distance} 0 0" conaffinity="0"/>'
+    text = f'<mujoco><worldbody>{ball}{arm}</worldbody></mujoco>'
+    if touches:
+        assert "'ball'" in refusal(text)
+    else:
+        assert read(text)[0].joint_count == 3
