@@ -104,7 +104,10 @@ class Reader:
                     self.welded[ends[ends[0] == 'world']] = what
                 elif element.tag == 'plugin' and 'DetachableJoint' in str(element.attributes):
                     ends = [_text_or_link(element.find(end)) for end in ('parent_link', 'child_link')]
-                    self._refuse_loop(f"DetachableJoint '{clipped(element.get('name') or '')}'", *ends, where)
+                    what = f"DetachableJoint '{clipped(element.get('name') or '')}'"
+                    if ends[1] in [link.get('name') for link in self.root.all('link')]:
+                        self._refuse_loop(what, *ends, where)
+                    self.fail(f"{what} ({where}) ties link '{clipped(ends[0])}' to another model, must stand alone")
                 elif element.tag == 'equality' and element.children:
                     first = element.children[0]
                     self._refuse_loop(f"{clipped(first.tag)} '{clipped(first.get('name') or '')}'",

@@ -213,6 +213,9 @@ def test_the_mass_of_the_root_and_a_missing_inertia_are_told():
     ({'more': '<gazebo><plugin filename="gz-sim-detachable-joint-system" name="gz::sim::systems::DetachableJoint">'
               '<parent_link>b</parent_link><child_link>stand</child_link></plugin></gazebo>'},
      "DetachableJoint 'gz::sim::systems::DetachableJoint' between 'b' and 'stand'"),
+    ({'more': '<gazebo><plugin name="gz::sim::systems::DetachableJoint"><parent_link>b</parent_link><child_model>box'
+              '</child_model><child_link>lid</child_link></plugin></gazebo>'},
+     "(in <gazebo>, line 7) ties link 'b' to another model"),
     ({'more': '<mujoco><equality><connect name="d" body1="b" body2="a"/></equality></mujoco>'},
      "connect 'd' between 'b' and 'a' (in <mujoco>, line 7) closes a loop"),
     ({'more': '<loop_joint name="d" type="revolute"/>'}, "joint 'd' (on line 7) closes a loop"),
