@@ -4,6 +4,7 @@ from importlib.util import find_spec
 from live import CONFIG, Peer, run, simulator
 import numpy as np
 import pytest
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
@@ -55,6 +56,21 @@ def test_tf_has_every_link():
         peer.until(lambda: fixed and moving)
         told = {transform.child_frame_id for message in (fixed[0], moving[-1]) for transform in message.transforms}
         assert told == {*node.frames_of(CHAIN, None, {'hold': []}).links} - {'world'}
+        assert process.stop() == 0, process.output
+
+
+def test_a_mechanism_that_comes_as_mjcf_on_the_topic_is_drawn_upright():
+    mjcf = '<mujoco><worldbody><body name="rod" pos="0 0 2"><joint axis="0 1 0"/>' \
+           '<geom type="capsule" fromto="0 0 0 0 0 -1" size="0.02"/></body></worldbody></mujoco>'
+    with simulator(ready=False, chain_file='robot_description', publish_markers=True, start_paused=True) as process, \
+            Peer() as peer:
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        peer.node.create_publisher(String, '/robot_description', latched).publish(String(data=mjcf))
+        arrays = peer.listen(MarkerArray, '/simulator/markers')
+        peer.until(lambda: arrays)
+        points = [(p.x, p.y, p.z) for p in arrays[-1].markers[0].points]
+        assert arrays[-1].markers[0].header.frame_id == 'world'
+        np.testing.assert_allclose(points, [(0.0, 0.0, 2.0), (0.0, 0.0, 1.0)], atol=1e-12)
         assert process.stop() == 0, process.output
 
 

@@ -180,7 +180,10 @@ def frames_of(chain, urdf, values):
     from ..hold import read_hold
     from ..link_frames import LinkFrames
     from ..urdf_writer import PLANE, urdf_of
-    return LinkFrames(urdf, read_hold(values['hold'])) if urdf else LinkFrames(urdf_of(chain), plane=PLANE)
+    from ..xml_elements import root_tag
+    if urdf and root_tag(urdf) == 'robot':   # an MJCF may have come on the topic
+        return LinkFrames(urdf, read_hold(values['hold']))
+    return LinkFrames(urdf_of(chain), plane=PLANE)
 
 
 def tell_of_clocks(node, values) -> None:
