@@ -489,6 +489,8 @@ def test_a_parameter_of_a_type_that_there_is_not_is_refused(service):
         results = [answer.result] if service is SetParametersAtomically else answer.results
         assert {(result.successful, result.reason) for result in results} == {
             (False, "parameter 'command_timeout' is of a type 77, which ROS does not have")}
+        assert peer.set(rat=1.0, xyz=1.0) == [(False, "parameter 'rat' is not known, did you mean 'rate'?"),
+                                              (False, "parameter 'xyz' is not known")]
         assert peer.set(command_timeout=1.0) == [(True, '')]
         assert process.stop() == 0, process.output
 

@@ -15,6 +15,19 @@ from ..command_line import Mistake
 from ..quantities import QUANTITIES
 
 
+class UnknownParameter(ParameterNotDeclaredException):
+    """What rclpy answers a set of parameters with that there are not, in words; its own forgets the first name."""
+
+    def __init__(self, names):
+        super().__init__(names)
+        self._name = names[0]
+
+    def __str__(self) -> str:
+        name = self._name
+        close = get_close_matches(name, ROWS, n=1)
+        return f'parameter {name!r:.80} is not known' + (f", did you mean '{close[0]}'?" if close else '')
+
+
 def overrides(node) -> dict[str, Value]:
     """Return name -> value of all parameters that were given to the node; None for an empty list, of no type in ROS."""
     with node.handle:
@@ -63,7 +76,7 @@ def let_set(node, chain, apply: Callable[[dict[str, Value]], tuple[bool, str]]) 
     def convert(parameters):
         unknown = [parameter.name for parameter in parameters if not node.has_parameter(parameter.name)]
         if unknown:
-            raise ParameterNotDeclaredException(unknown)   # rclpy's own forgets the first name
+            raise UnknownParameter(unknown)
         return [_converted(parameter, chain) for parameter in parameters]
 
     def take(parameters):
