@@ -18,9 +18,10 @@ from math import hypot, inf, pi
 import re
 import sys
 from typing import NamedTuple
+import warnings
 from xml.etree import ElementTree
 
-from .chain import BASE, Chain, Joint
+from .chain import BASE, Chain, Joint, RobotFileNote
 from .chain_section import clipped
 from .command_line import Mistake, Parser, run_command, write_document
 from .visual import body_color, visual_ends
@@ -30,6 +31,7 @@ THICKNESS = 0.08  # of a visual, by its length
 SHARE = 2.0**-10  # of mass and inertia that a carriage gets, where its body has as much to give
 LEAST_SHARE = 2.0**-44  # what it gets of a point mass, which has nothing to give: no other number notices it
 HARDWARE = 'topic_based_ros2_control/TopicBasedSystem'
+GRAVITY = complex(0.0, -9.81)   # m/s^2, which readers of URDF take
 PLANE = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)   # the chain's x and y in the frame of `world`
 TOPIC = re.compile('(~/|/)?[A-Za-z_][A-Za-z0-9_/]*')
 COMMANDS, STATES = '/simulator/joint_commands', '/joint_states'
@@ -216,6 +218,20 @@ def _ros2_control(robot, chain: Chain, commands: str, states: str) -> None:
             ElementTree.SubElement(state, 'param', name='initial_value').text = _numbers(value)
 
 
+def left_out(chain: Chain) -> list[str]:
+    """Return what acts in the chain and has no place in a URDF, with the joints that have it."""
+    lost = []
+    for key, what in (('stiffness', 'springs'), ('armature', 'rotors'), ('preload', 'preloads'),
+                      ('restitution', 'restitution')):
+        names = [joint.name for joint in chain.joints if getattr(joint, key)]
+        if names:
+            lost.append(f'{what} of {", ".join(map(clipped, names[:6]))}'
+                        + (f' and {len(names) - 6} more' if len(names) > 6 else ''))
+    if chain.gravity != GRAVITY:
+        lost.append(f'gravity [{chain.gravity.real:g}, {chain.gravity.imag:g}] m/s^2, readers take [0, -9.81]')
+    return lost
+
+
 def main(arguments=None) -> int:
     """Run the executable `urdf`."""
     return run_command('urdf', _write, arguments)
@@ -235,7 +251,10 @@ def _write(arguments) -> int:
     for flag in ('commands', 'states'):
         if not TOPIC.fullmatch(getattr(options, flag)):
             raise Mistake(f'--{flag} is {clipped(getattr(options, flag))!r}, must be a topic, as /joint_states')
-    text = urdf_of(load_chain(options.chain), options.commands, options.states)
+    chain = load_chain(options.chain)
+    if lost := left_out(chain):
+        warnings.warn(f'not in the URDF: {"; ".join(lost)}', RobotFileNote)
+    text = urdf_of(chain, options.commands, options.states)
     if options.output is None:
         write_document(text)
         return 0

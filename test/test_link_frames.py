@@ -148,6 +148,18 @@ def test_the_launch_file_says_what_it_needs():
         assert runpy.run_path(str(ROOT / 'launch/view.launch.py'))['generate_launch_description']()
 
 
+def test_urdf_tells_what_has_no_place_in_it(tmp_path):
+    command = [sys.executable, '-m', 'planar_chain_sim.urdf_writer']
+    done = subprocess.run([*command, 'cart_arm_telescope.yaml'], capture_output=True, text=True, timeout=60, cwd=ROOT)
+    assert done.returncode == 0 and done.stderr == (
+        'urdf: note: not in the URDF: springs of cart_slide, telescope_slide, gripper_slide, gripper_joint\n')
+    (tmp_path / 'moon.yaml').write_text('gravity: [0, -1.62]\nbodies: [{name: a, carrier: base, mass: 1, inertia: 1, '
+                                        'rotation: {joint: j, armature: 0.1}}]')
+    done = subprocess.run([*command, tmp_path / 'moon.yaml'], capture_output=True, text=True, timeout=60, cwd=ROOT)
+    assert done.stderr == ('urdf: note: not in the URDF: rotors of j; gravity [0, -1.62] m/s^2, readers take '
+                           '[0, -9.81]\n')
+
+
 def test_urdf_writes_a_chain(tmp_path, capsys):
     from planar_chain_sim import urdf_writer
     chain = pcs.load_chain('four_link_robot.yaml')
