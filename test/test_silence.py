@@ -5,7 +5,7 @@ import signal
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
-from live import CONFIG, Peer, run, simulator, stamp_ns
+from live import CONFIG, Peer, Process, run, simulator, stamp_ns
 import pytest
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
@@ -310,3 +310,17 @@ def test_nan_and_a_short_effort_are_logged_as_received_and_repeat_bit_for_bit(tm
     assert [str(message.effort.tolist()) for message in logged] == [str(list(message.effort)) for message in sent]
     code, output = run('planar_chain_sim.recording.resimulation', path)
     assert code == 0, output
+
+
+def test_a_controller_of_ours_that_is_killed_is_missed_after_its_lease_of_five_seconds():
+    with simulator('__ns:=/killed') as process, \
+            Process('planar_chain_sim.ros.example_controller', '--ros-args', '-r', '__ns:=/killed') as controller, \
+            Peer(namespace='/killed') as peer:
+        peer.node.destroy_publisher(peer.commands)
+        peer.node.destroy_publisher(peer.joint_commands)
+        peer.new_state(lambda state: any(state.effort))
+        controller.send(signal.SIGKILL)
+        tick = peer.until(lambda: events(peer, 'command'))[-1]['tick']
+        lost = peer.until(lambda: events(peer, 'controller_loss'))[-1]
+        assert lost['tick'] - tick < 12_000, 'of Fast DDS itself it is 20 s'
+        assert process.stop() == 0, process.output
