@@ -28,6 +28,7 @@ EVENT_KINDS = _kernel.EVENT_KINDS
 
 CHECKPOINT_FORMAT = 2
 MOST_TICKS = 2**53   # a double counts no further
+LEAST_TOLERANCE = 1e-20   # far below what a double resolves; with less, steps get so short that a run never ends
 
 
 class JointEvent(NamedTuple):
@@ -101,8 +102,9 @@ def resolve_method(chain: Chain, method: str, tolerance: Optional[float]):
         tolerance = DEFAULT_TOLERANCE if adaptive else None
     elif not adaptive:
         raise ValueError(f'tolerance is {tolerance!r}, must be None: method {method!r} has a fixed step')
-    elif isinstance(tolerance, bool) or not isinstance(tolerance, (int, float, np.floating)) or not 0 < tolerance < 1:
-        raise ValueError(f'tolerance is {tolerance!r}, must be a number between 0 and 1')
+    elif isinstance(tolerance, bool) or not isinstance(tolerance, (int, float, np.floating)) or not (
+            LEAST_TOLERANCE <= tolerance < 1):
+        raise ValueError(f'tolerance is {tolerance!r}, must be a number between {LEAST_TOLERANCE:g} and 1')
     name = choose_method(tolerance, damping_rate(chain), chain.joint_count) if method == 'auto' else method
     return METHODS[name], None if tolerance is None else float(tolerance)
 

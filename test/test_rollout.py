@@ -215,6 +215,7 @@ def test_table_that_does_not_fit_is_one_exact_sentence(tmp_path, monkeypatch, ca
     (['--velocity', '-1,2'], f"--velocity '-1,2' has shape (2,), must have (5,): one number for each of {JOINTS}"),
     (['--tolerance', '1e-6', '--method', 'rk4'],
      "--tolerance is of adaptive methods, but method 'rk4' has a fixed step"),
+    (['--tolerance', '1e-300'], '--tolerance is 1e-300, must be a number between 1e-20 and 1'),
     (['--duration', '1e300'], '--duration is 1e+300 s, must be below 2.14748e+09 s, which a time stamp of ROS holds'),
     (['--duration', '3e9', '--step', '1e3'],
      '--duration is 3e+09 s, must be below 2.14748e+09 s, which a time stamp of ROS holds'),
