@@ -9,6 +9,7 @@ from typing import Optional
 from . import _kernel, tableaux
 
 DEFAULT_TOLERANCE = 1e-9
+LEAST_TOLERANCE = 1e-20   # far below what a double resolves; with less, steps get so short that a run never ends
 
 
 @dataclass(frozen=True)

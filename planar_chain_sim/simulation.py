@@ -12,7 +12,8 @@ import numpy as np
 from . import _kernel
 from .chain import altered, Chain
 from .dynamics import Interrupted, joint_array, resolve_form, SimulationError
-from .integrators import choose_method, DEFAULT_TOLERANCE, method_data, METHODS, STIFF, taylor_order, UNROLLED_SERIES
+from .integrators import (
+    choose_method, DEFAULT_TOLERANCE, LEAST_TOLERANCE, method_data, METHODS, STIFF, taylor_order, UNROLLED_SERIES)
 from .loads import checked_wrench, index_of, on_links, with_payload, without_payload, Wrench
 from .plan import damping_rate, plan_of, step_limit
 from .quantities import same_but_for_quantities
@@ -28,7 +29,6 @@ EVENT_KINDS = _kernel.EVENT_KINDS
 
 CHECKPOINT_FORMAT = 2
 MOST_TICKS = 2**53   # a double counts no further
-LEAST_TOLERANCE = 1e-20   # far below what a double resolves; with less, steps get so short that a run never ends
 
 
 class JointEvent(NamedTuple):

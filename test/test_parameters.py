@@ -95,6 +95,7 @@ def test_whole_numbers_are_taken_where_numbers_are_meant(declared):
     ('publish_rate:=2e3', "parameter 'publish_rate' is 2000.0, must be 0 or `rate` (1000.0) divided by a whole number"),
     ('real_time_factor:=-1', "parameter 'real_time_factor' is -1.0, must be from 0 to 1000"),
     ('tolerance:=2', "parameter 'tolerance' is 2.0, must be from 0 to 1"),
+    ('tolerance:=1e-300', "parameter 'tolerance' is 1e-300, must be 0 or at least 1e-20"),
     ('command_timeout:=-0.1', "parameter 'command_timeout' is -0.1, must be from 0 to 1e+06"),
     ('lockstep:=1', "parameter 'lockstep' is 1, must be true or false"),
     ('start_paused:=1', "parameter 'start_paused' is 1, must be true or false"),

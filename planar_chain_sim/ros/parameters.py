@@ -12,7 +12,7 @@ import textwrap
 from typing import Callable, NamedTuple, Optional, Union
 
 from ..command_line import Mistake
-from ..integrators import METHODS
+from ..integrators import LEAST_TOLERANCE, METHODS
 from ..quantities import changed_chain, QUANTITIES
 
 Value = Union[bool, float, str, list]
@@ -63,7 +63,8 @@ PARAMETERS = (
     Row('rate', 1000.0, 'Ticks per simulated second: commands act and states are logged by ticks.', (1.0, 1e5),
         unit='Hz'),
     Row('tolerance', 0.0, 'Bound of the estimated local error per step of an adaptive method, relative to '
-        'max(1, |value|); 0 stands for 1e-9, and is a must where the method has a fixed step.', (0.0, 1.0)),
+        'max(1, |value|); 0 stands for 1e-9, and is a must where the method has a fixed step.', (0.0, 1.0),
+        smallest=LEAST_TOLERANCE),
     Row('publish_rate', 0.0, 'States published per simulated second: rate divided by a whole number; default or 0: '
         'rate.', (0.0, 1e5), unit='Hz', smallest=1e-3),
     # At 1e-6 and 1 Hz a tick takes 11 days.
