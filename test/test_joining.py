@@ -96,5 +96,5 @@ def test_only_what_publishing_does_not_explain_is_dropped(tmp_path, monkeypatch,
 def test_hold_ups_add_up_and_short_calls_do_not_count():
     hold_ups = HoldUps()
     for milliseconds in (1, 30, 2, 40):
-        hold_ups.publish(lambda message: time.sleep(message), milliseconds * 1e-3)
+        hold_ups.during(time.sleep, milliseconds * 1e-3)
     assert 70 * MS <= hold_ups.total < 70 * MS + LONGEST_LATENESS

@@ -37,7 +37,7 @@ class Diagnostics:
             statuses = [self._status('simulation', ERROR, measured, {})]
         message = DiagnosticArray(status=statuses)
         message.header.stamp = Time(sec=(now := min(time_ns(), LAST_STAMP)) // 10**9, nanosec=now % 10**9)
-        self._simulator.hold_ups.publish(self._publisher.publish, message)
+        self._simulator.hold_ups.during(self._publisher.publish, message)
 
     def _status(self, part: str, level: bytes, sentence: str, values: dict) -> DiagnosticStatus:
         return DiagnosticStatus(name=f'{self._name}: {part}', level=level, message=sentence, hardware_id=self._hardware,

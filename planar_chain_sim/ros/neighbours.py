@@ -21,7 +21,7 @@ class Neighbours:
 
     def look(self) -> None:
         """Look who is there now."""
-        found = {key: fault for key, *fault in self._found()}
+        found = {key: fault for key, *fault in self._simulator.hold_ups.during(tuple, self._found())}
         self.faults = [sentence for _, _, sentence in found.values()]
         for key in found.keys() - self._told:
             self._simulator.ask('ignore', *found[key])

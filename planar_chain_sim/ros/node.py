@@ -165,7 +165,7 @@ def serve(node, ending, stop, simulator, chain, urdf, values, log, ends) -> None
         if frame_id not in frames.links:
             node.get_logger().warning(f"parameter 'frame_id' is {frame_id!r:.80}, no link of the robot: markers are "
                                       f'drawn in it as in {frames.root!r:.80}')
-        services.every(MARKER_PERIOD, lambda: simulator.hold_ups.publish(
+        services.every(MARKER_PERIOD, lambda: simulator.hold_ups.during(
             publishers['markers'].publish, marker_array(chain, frames, *simulator.seen, frame_id)))
     if values['publish_tf']:
         from .transforms import PERIOD as TF_PERIOD, TransformPublisher

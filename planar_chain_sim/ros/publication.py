@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import json
+from threading import get_ident
 from time import monotonic_ns
 from typing import Optional
 
@@ -13,7 +14,7 @@ SHORTEST_HOLD_UP = 20_000_000  # ns that publishing one message takes, for which
 
 class HoldUps:
     """
-    How long the middleware has held up those who publish: `total`, ns, of all calls that took remarkably long.
+    How long the middleware has held up those who call it: `total`, ns, of all calls that took remarkably long.
 
     When Fast DDS looks whether the shared memory of somebody who has just come is in order, it may sleep for a third
     of a second, and who publishes waits for it (its issue 6535). rclpy keeps the interpreter meanwhile, so that all
@@ -21,19 +22,34 @@ class HoldUps:
     """
 
     def __init__(self):
-        self.total = 0
+        self._ended, self._under_way = 0, {}  # ns; identity of a thread -> when its call began
 
-    def publish(self, publish, message) -> None:
-        """Have a message published, from any thread."""
-        begun = monotonic_ns()
-        publish(message)
-        self.ended(begun)
+    @property
+    def total(self) -> int:
+        """Return the time, ns, of all such calls, with those that may have ended without their thread knowing yet."""
+        now = monotonic_ns()
+        waiting = (now - begun for begun in tuple(self._under_way.values()))
+        return self._ended + sum(time for time in waiting if time > SHORTEST_HOLD_UP)
+
+    def any_since(self, total: int) -> bool:
+        """Tell whether a call has ended since `total` was that."""
+        return self._ended != total
+
+    def during(self, function, *arguments):
+        """Return what a function of the middleware returns, called here; from any thread."""
+        thread, begun = get_ident(), monotonic_ns()
+        self._under_way[thread] = begun
+        try:
+            return function(*arguments)
+        finally:
+            self.ended(begun)
+            del self._under_way[thread]
 
     def ended(self, begun: int) -> None:
         """Take a call that began at this time, ns, and has just ended."""
         held = monotonic_ns() - begun
         if held > SHORTEST_HOLD_UP:
-            self.total += held
+            self._ended += held
 
 
 class Publication:
@@ -85,7 +101,7 @@ class Publication:
         """Publish the events that wait: up to one a tick, so where nobody listens nothing is done."""
         if self._events.get_subscription_count():
             for message in self._waiting:
-                self.hold_ups.publish(self._events.publish_raw, message)
+                self.hold_ups.during(self._events.publish_raw, message)
         self._waiting.clear()
 
     def _tick_clock(self, stamp: int, record: bool) -> None:

@@ -235,7 +235,7 @@ class Simulator:
         self._meter.late(late, pacing.period)
         if late > LONGEST_LATENESS:
             self._judge_lateness(now, late)
-        elif self._made_up != self.hold_ups.total and late < pacing.period:
+        elif late < pacing.period and self.hold_ups.any_since(self._made_up):
             self._made_up, self._told_of = self.hold_ups.total, 0
         self._latch()
         self._tick()
@@ -323,7 +323,9 @@ class Simulator:
         """Look at what needs no look at every tick: is there still a controller, is there still a log."""
         if self._log:
             self._look_at_log()
+        begun = monotonic_ns()
         self._intake.look()
+        self.hold_ups.ended(begun)
         if self._held.commanded and not self._intake.commanded and self._values['on_controller_loss'] == 'zero':
             self._latch()  # its last words
             self._clear_commands()

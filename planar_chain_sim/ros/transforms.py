@@ -48,5 +48,5 @@ class TransformPublisher:
         if stamp != self._last:
             self._last = stamp
             moving = self._frames.moving(dict(zip(self._names, position)))
-            self._simulator.hold_ups.publish(self._publisher.publish,
-                                             self._message(transforms=stamped(moving, stamp)))
+            self._simulator.hold_ups.during(self._publisher.publish,
+                                            self._message(transforms=stamped(moving, stamp)))
