@@ -108,7 +108,7 @@ def test_a_clock_that_is_set_past_2038_ends_the_node_with_a_sentence_and_a_whole
             clock.shift(14)
             peer.commands.publish(Float64MultiArray(data=[2.0] * 5))
             assert process.finish() == 2
-    assert 'simulator: the system clock is in the year' in process.lines[-1]
+    assert 'simulator: the system clock is in the year' in process.output   # ROS itself may complain at its end
     assert 'Traceback' not in process.output
     assert run('planar_chain_sim.recording.resimulation', log)[0] == 0
 
