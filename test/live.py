@@ -30,7 +30,7 @@ class Process:
         self.lines = []
         environment = dict(options.pop('env', os.environ), PYTHONPATH=os.pathsep.join(sys.path), PYTHONUNBUFFERED='1')
         self.popen = subprocess.Popen([sys.executable, '-m', module, *map(str, arguments)], text=True, env=environment,
-                                      stdout=subprocess.PIPE, stderr=subprocess.STDOUT, **options)
+                                      stdout=subprocess.PIPE, stderr=subprocess.STDOUT, errors='replace', **options)
         self._reader = Thread(target=self._read, daemon=True)
         self._reader.start()
 
