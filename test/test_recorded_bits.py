@@ -10,9 +10,10 @@ from pathlib import Path
 import warnings
 
 import numpy as np
+import pytest
+
 import planar_chain_sim as pcs
 from planar_chain_sim.plan import plan_of
-import pytest
 
 CHAINS = sorted(path.stem for path in (Path(__file__).parent.parent / 'config').glob('*.yaml'))
 RECORD = Path(__file__).with_name('recorded_bits.json')
