@@ -36,7 +36,7 @@ setup(
     ext_modules=[Extension(
         f'{NAME}._kernel',
         sources=[f'{NAME}/kernel/bindings.cpp'],  # by name: an empty glob would build a module with nothing in it
-        depends=sorted(glob(f'{NAME}/kernel/*.hpp')),
+        depends=sorted(glob(f'{NAME}/kernel/**/*.hpp', recursive=True)),
         include_dirs=pybind11_include(),
         language='c++',
         # The same bits on every IEEE machine: no contraction, no fast-math (not even from CFLAGS), no -march.

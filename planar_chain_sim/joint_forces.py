@@ -1,8 +1,8 @@
 """
 JOINT_FORCES: the laws of joint effort, one per row, each on the relative coordinate (equations.md 4).
 
-A row says which joints have the law, what effort it adds (N m or N), what energy it stores (J), and how the kernel
-hears of it. The kernel's twin is kernel/joint_forces.hpp.
+A row says which joints have the law, what effort it adds (N m or N), what energy it stores (J), and the numbers that
+the kernel's header of the same law takes (kernel/laws/).
 """
 from __future__ import annotations
 
@@ -27,25 +27,25 @@ class JointForce:
     formula: str
     acts_on: Callable[[Joint], bool]
     effort: Callable[[Joint, float, float], float]
-    kernel: Callable                      # (kernel model, joint index, joint) -> None
+    numbers: Callable[[Joint], tuple]     # in the order of the kernel's header
     energy: Callable[[Joint, float], float] = _no_energy
 
 
 JOINT_FORCES = (
     JointForce('damping', "-d theta'", lambda joint: joint.damping > 0.0,
                lambda joint, position, velocity: -joint.damping * velocity,
-               lambda model, index, joint: model.add_damper(index, joint.damping)),
+               lambda joint: (joint.damping,)),
     JointForce('spring', '-k (theta - theta_0)', lambda joint: joint.stiffness > 0.0,
                lambda joint, position, velocity: -joint.stiffness * (position - joint.rest),
-               lambda model, index, joint: model.add_spring(index, joint.stiffness, joint.rest),
+               lambda joint: (joint.stiffness, joint.rest),
                lambda joint, position: 0.5 * joint.stiffness * (position - joint.rest) ** 2),
     JointForce('preload', 'tau_p', lambda joint: joint.preload != 0.0,
                lambda joint, position, velocity: joint.preload,
-               lambda model, index, joint: model.add_preload(index, joint.preload),
+               lambda joint: (joint.preload,),
                lambda joint, position: -joint.preload * position),
     JointForce('friction', "-tau_c sgn(theta')", lambda joint: joint.friction > 0.0,
                lambda joint, position, velocity: -joint.friction * float(np.sign(velocity)),
-               lambda model, index, joint: model.add_friction(index, joint.friction)),
+               lambda joint: (joint.friction,)),
 )
 
 
@@ -72,8 +72,8 @@ def teach_kernel(model, chain: Chain) -> None:
     for index, joint in enumerate(chain.joints):
         for law in JOINT_FORCES:
             if law.acts_on(joint):
-                law.kernel(model, index, joint)
+                model.add_law(law.name, index, law.numbers(joint))
         if joint.effort_limit < inf:
-            model.add_limit(index, joint.effort_limit)
+            model.add_law('effort_limit', index, (joint.effort_limit,))
         if has_stop(joint):
-            model.add_stop(index, joint.lower, joint.upper, joint.restitution)
+            model.add_law('stop', index, (joint.lower, joint.upper, joint.restitution))

@@ -260,11 +260,13 @@ class Fuzz:
             junk.array(links, 3) if junk.beside() else topology,
             junk.one_of(np.abs(junk.random.normal(size=(links, 12))), junk.array(links, 12)), (0.0, -9.81),
             int(junk.size(links))))
-        for add, count in ((model.add_damper, 1), (model.add_spring, 2), (model.add_friction, 1), (model.add_limit, 1)):
+        for name, count in (('damping', 1), ('spring', 2), ('friction', 1), ('effort_limit', 1), ('stop', 3)):
             if junk.random.random() < 0.3:
-                add(*junk.arguments(junk.one_of(0, 0, links - 1, -junk.beside(), 2), *(0.5 for _ in range(count))))
-        if junk.random.random() < 0.3:
-            model.add_stop(*junk.arguments(junk.one_of(0, 0, links - 1, -junk.beside(), 2), -1.0, 1.0, 0.5))
+                model.add_law(*junk.arguments(
+                    junk.one_of(name, name, name, *['', 'sprung'] * junk.beside()),
+                    junk.one_of(0, 0, links - 1, -junk.beside(), 2),
+                    [-1.0, 1.0, 0.5][:junk.one_of(count, count, *[0, 3] * junk.beside())]
+                    if name == 'stop' else [0.5] * junk.one_of(count, count, *[0, 7] * junk.beside())))
         _kernel.Stepper(model, self.data(), 1e-3, junk.one_of(True, False)).advance(3, None, None)
 
     def batch(self):

@@ -38,12 +38,12 @@ int main() {
   pc::JointForces forces;
   for (int left = integer(); left > 0; --left) {
     const int joint = integer();
-    forces.dampers.push_back({joint, number()});
+    std::get<0>(forces.smooth).push_back({joint, number()});
   }
   for (int left = integer(); left > 0; --left) {
     const int joint = integer();
     const double stiffness = number();
-    forces.springs.push_back({joint, stiffness, number()});
+    std::get<1>(forces.smooth).push_back({joint, stiffness, number()});
   }
   pc::MethodData method;
   std::string family = word();

@@ -39,22 +39,7 @@ PYBIND11_MODULE(_kernel, module) {
 
   py::class_<Model>(module, "Model")
       .def(py::init<const Ints&, const Array&, std::tuple<double, double>, int>())
-      .def("add_damper", [](Model& m, int joint, double damping) {
-        m.forces.dampers.push_back({m.joint(joint), damping});
-      })
-      .def("add_spring", [](Model& m, int joint, double stiffness, double rest) {
-        m.forces.springs.push_back({m.joint(joint), stiffness, rest});
-      })
-      .def("add_preload", [](Model& m, int joint, double preload) {
-        m.forces.preloads.push_back({m.joint(joint), preload});
-      })
-      .def("add_friction", [](Model& m, int joint, double friction) {
-        m.forces.frictions.push_back({m.joint(joint), friction});
-      })
-      .def("add_limit", [](Model& m, int joint, double limit) { m.forces.limits.push_back({m.joint(joint), limit}); })
-      .def("add_stop", [](Model& m, int joint, double lower, double upper, double restitution) {
-        m.forces.stops.push_back({m.joint(joint), lower, upper, restitution});
-      })
+      .def("add_law", &Model::add_law)
       .def("forward_dynamics", &Model::forward_dynamics, py::arg("position"), py::arg("velocity"), py::arg("effort"),
            py::arg("dense") = false)
       .def("evaluate_repeatedly", &Model::evaluate_repeatedly, py::arg("position"), py::arg("velocity"),

@@ -55,8 +55,8 @@ class Holding {
         give(chain.joint_count), chain_(chain), forces_(forces), joints_(chain.joint_count), recursion_(chain),
         right_hand_side_(chain, forces), acceleration_(joints_), answer_(joints_), unit_(joints_), size_(joints_),
         unsure_(joints_) {
-    for (const auto& law : forces.frictions) friction[law.joint] = law.friction;
-    for (const auto& law : forces.stops)
+    for (const auto& law : forces.all<FrictionOf>()) friction[law.joint] = law.friction;
+    for (const auto& law : forces.all<StopOf>())
       lower[law.joint] = law.lower, upper[law.joint] = law.upper, restitution[law.joint] = law.restitution;
   }
 
@@ -153,10 +153,7 @@ class Holding {
     for (int j = 0; j < joints_; ++j)
       unsure_[j] = standing[j] ? 0.0 : std::fabs(acceleration[j]) + size_[j] * answer_[j];
     recursion_.sizes(state.velocity.data(), unsure_.data(), size_.data());
-    for (const auto& law : forces_.springs)
-      if (law.stiffness * (state.position[law.joint] - law.rest) != 0.0)
-        size_[law.joint] += law.stiffness * (std::fabs(state.position[law.joint]) + std::fabs(law.rest));
-    for (const auto& law : forces_.preloads) size_[law.joint] += std::fabs(law.preload);
+    forces_.each_smooth([&](const auto& law) { size_[law.joint] += law.size(state.position[law.joint]); });
     for (const Wrench& wrench : forces_.wrenches) add_size(wrench, state);
     for (int j = 0; j < joints_; ++j)
       rounding_of[j] =

@@ -12,6 +12,7 @@
 #pragma once
 
 #include <cstddef>
+#include <type_traits>
 #include <vector>
 
 #include "chain.hpp"
@@ -50,8 +51,10 @@ class Jacobian {
       Vec reach;  // P_i - P_j
       for (int j = i; j > 0; reach = reach + links_[j].lever, j = chain_.links[j].carrier) couple(i, j, reach, effects);
     }
-    for (const auto& law : forces_.dampers) by_velocity[at(law.joint, law.joint)] += law.damping;
-    for (const auto& law : forces_.springs) by_position[at(law.joint, law.joint)] += law.stiffness;
+    forces_.each_smooth([&](const auto& law) {
+      if constexpr (std::decay_t<decltype(law)>::of_velocity) by_velocity[at(law.joint, law.joint)] -= law.by_velocity();
+      if constexpr (std::decay_t<decltype(law)>::of_position) by_position[at(law.joint, law.joint)] -= law.by_position();
+    });
     for (const Wrench& wrench : forces_.wrenches) take(wrench);
   }
 

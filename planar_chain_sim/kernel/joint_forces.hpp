@@ -1,84 +1,63 @@
-// Laws of joint effort, each on the relative coordinate (equations.md 4): twin of joint_forces.py; and wrenches from
-// outside. A law nobody uses has an empty list and costs nothing.
+// What acts on joints, each law on the relative coordinate (equations.md 4), one header for each in laws/, twins of the
+// rows of joint_forces.py; and wrenches from outside. A law nobody uses has an empty list and costs nothing.
 #pragma once
 
+#include <tuple>
+#include <type_traits>
 #include <vector>
 
 #include "chain.hpp"
 #include "lanes.hpp"
+#include "laws/damper.hpp"
+#include "laws/effort_limit.hpp"
+#include "laws/friction.hpp"
+#include "laws/preload.hpp"
+#include "laws/spring.hpp"
+#include "laws/stop.hpp"
 #include "wrench.hpp"
 
 namespace planar_chain {
 
-// `numbers`: what may differ between chains of one make-up.
-template <class Real>
-struct DamperOf {
-  int joint;
-  Real damping;
-  static constexpr Real DamperOf::* numbers[] = {&DamperOf::damping};
-};
-
-template <class Real>
-struct SpringOf {
-  int joint;
-  Real stiffness, rest;
-  static constexpr Real SpringOf::* numbers[] = {&SpringOf::stiffness, &SpringOf::rest};
-};
-
-template <class Real>
-struct PreloadOf {
-  int joint;
-  Real preload;
-  static constexpr Real PreloadOf::* numbers[] = {&PreloadOf::preload};
-};
-
-template <class Real>
-struct FrictionOf {
-  int joint;
-  Real friction;
-  static constexpr Real FrictionOf::* numbers[] = {&FrictionOf::friction};
-};
-
-template <class Real>
-struct LimitOf {
-  int joint;
-  Real limit;
-  static constexpr Real LimitOf::* numbers[] = {&LimitOf::limit};
-};
-
-template <class Real>
-struct StopOf {
-  int joint;
-  Real lower, upper, restitution;
-  static constexpr Real StopOf::* numbers[] = {&StopOf::lower, &StopOf::upper, &StopOf::restitution};
-};
+// Of every law the joints that have it.
+template <class Real, template <class> class... Laws>
+using ListsOf = std::tuple<std::vector<Laws<Real>>...>;
 
 template <class Real>
 struct JointForcesOf {
-  std::vector<DamperOf<Real>> dampers;
-  std::vector<SpringOf<Real>> springs;
-  std::vector<PreloadOf<Real>> preloads;
-  std::vector<FrictionOf<Real>> frictions;
-  std::vector<LimitOf<Real>> limits;
-  std::vector<StopOf<Real>> stops;
+  ListsOf<Real, DamperOf, SpringOf, PreloadOf> smooth;        // laws that act smoothly
+  ListsOf<Real, FrictionOf, EffortLimitOf, StopOf> others;
   std::vector<Wrench> wrenches;             // on `chain`; a simulation has them, a batch none
   const ChainOf<Real>* chain = nullptr;
 
+  template <template <class> class Law>
+  const std::vector<Law<Real>>& all() const { return std::get<std::vector<Law<Real>>>(others); }
+
+  // Calls `act(law)` for every joint's smooth law, the laws one after the other.
+  template <class Act>
+  void each_smooth(Act&& act) const {
+    std::apply([&](const auto&... laws) { (each_of(laws, act), ...); }, smooth);
+  }
+
+  // Calls `act(list)` for the list of every law.
+  template <class Act>
+  void each_list(Act&& act) {
+    std::apply([&](auto&... laws) { (act(laws), ...); }, smooth);
+    std::apply([&](auto&... laws) { (act(laws), ...); }, others);
+  }
+
   // Whether any of them acts besides the actuators.
   bool passive() const {
-    return !bare && !(dampers.empty() && springs.empty() && preloads.empty() && frictions.empty());
+    const auto acts = [](const auto&... laws) { return !(laws.empty() && ...); };
+    return !bare && (std::apply(acts, smooth) || !all<FrictionOf>().empty());
   }
 
   // tau += -d theta' - k (theta - theta_0) + tau_p - tau_c sgn(theta')   (equations.md 4)
   void add_passive(const Real* position, const Real* velocity, Real* effort) const {
     if constexpr (bare) return;
-    for (const auto& law : dampers) effort[law.joint] -= law.damping * velocity[law.joint];
-    for (const auto& law : springs) effort[law.joint] -= law.stiffness * (position[law.joint] - law.rest);
-    for (const auto& law : preloads) effort[law.joint] += law.preload;
-    for (const auto& law : frictions) {
-      const Real rate = velocity[law.joint], one = 1.0, zero = 0.0;
-      effort[law.joint] -= law.friction * select(rate > zero, one, select(rate < zero, -one, zero));
-    }
+    each_smooth([&](const auto& law) {
+      effort[law.joint] += law.effort(position[law.joint], velocity[law.joint]);
+    });
+    for (const auto& law : all<FrictionOf>()) effort[law.joint] += law.effort(velocity[law.joint]);
   }
 
   // Whole turns may be left out of positions. `remainder`: what they are beyond double precision, or null.
@@ -86,30 +65,28 @@ struct JointForcesOf {
     for (const Wrench& wrench : wrenches) add_wrench(*chain, wrench, position, remainder, effort);
   }
 
-  // The actuator gives at most its limit, to either side.
   void clamp(Real* effort) const {
     if constexpr (bare) return;
-    for (const auto& law : limits) {
-      Real& u = effort[law.joint];
-      const Real upper = law.limit, lower = -law.limit;
-      u = select(u > upper, upper, u);
-      u = select(u < lower, lower, u);
-    }
+    for (const auto& law : all<EffortLimitOf>()) effort[law.joint] = law.clamped(effort[law.joint]);
   }
 
   // Energy in springs, and of preloads, J.
   Real stored_energy(const Real* position) const {
     Real energy = 0.0;
-    for (const auto& law : springs) {
-      const Real stretch = position[law.joint] - law.rest;
-      energy += 0.5 * law.stiffness * stretch * stretch;
-    }
-    for (const auto& law : preloads) energy -= law.preload * position[law.joint];
+    each_smooth([&](const auto& law) {
+      if constexpr (std::decay_t<decltype(law)>::stores) energy += law.energy(position[law.joint]);
+    });
     return energy;
   }
 
   // Laws that do not act smoothly: events.hpp.
-  bool have_events() const { return !bare && !(stops.empty() && frictions.empty()); }
+  bool have_events() const { return !bare && !(all<StopOf>().empty() && all<FrictionOf>().empty()); }
+
+ private:
+  template <class List, class Act>
+  static void each_of(const List& laws, Act&& act) {
+    for (const auto& law : laws) act(law);
+  }
 };
 
 using JointForces = JointForcesOf<double>;

@@ -69,6 +69,21 @@ class Model {
   pc::JointForces forces;
 
   // Of a law that is added.
+  // A law of that name at a joint, with its numbers in the order of its header (laws/).
+  void add_law(const std::string& name, int index, const std::vector<double>& numbers) {
+    bool known = false;
+    forces.each_list([&](auto& laws) {
+      using Law = typename std::decay_t<decltype(laws)>::value_type;
+      if (name != Law::name) return;
+      if (numbers.size() != std::size(Law::numbers)) throw py::value_error("the kernel got a bad law " + name);
+      Law law{};
+      law.joint = joint(index);
+      for (std::size_t k = 0; k < numbers.size(); ++k) law.*Law::numbers[k] = numbers[k];
+      laws.push_back(law), known = true;
+    });
+    if (!known) throw py::value_error("the kernel knows no law " + name);
+  }
+
   int joint(int index) const {
     if (index < 0 || index >= chain_.joint_count) throw py::value_error("the kernel got joint " + std::to_string(index));
     return index;
@@ -235,7 +250,7 @@ class Model {
   std::pair<Refusal, int> linearize(const double* position, const double* velocity, const double* effort, double* a,
                                     double* b) {
     const int n = chain_.joint_count;
-    for (const auto& law : forces.frictions)
+    for (const auto& law : forces.all<pc::FrictionOf>())
       if (velocity[law.joint] == 0.0) return {Refusal::standing, law.joint};
     std::copy(effort, effort + n, effort_.begin());
     forces.add_passive(position, velocity, effort_.data());

@@ -87,7 +87,7 @@ class Stepper {
     std::copy_n(q.data(), joints_, fresh.position.begin());
     std::copy_n(v.data(), joints_, fresh.velocity.begin());
     turn_.await();
-    for (const auto& stop : scene_->forces.stops)
+    for (const auto& stop : scene_->forces.all<pc::StopOf>())
       if (fresh.position[stop.joint] < stop.lower || fresh.position[stop.joint] > stop.upper) return stop.joint;
     scene_->integrator->forget();
     std::swap(state_, fresh);

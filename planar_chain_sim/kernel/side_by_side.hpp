@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <iterator>
+#include <tuple>
 #include <vector>
 
 #include "chain.hpp"
@@ -22,6 +23,10 @@ inline bool same_joints(const std::vector<Law>& some, const std::vector<Law>& ot
   return std::equal(some.begin(), some.end(), others.begin(), others.end(),
                     [](const Law& one, const Law& other) { return one.joint == other.joint; });
 }
+template <class... Laws>
+inline bool same_lists(const std::tuple<std::vector<Laws>...>& some, const std::tuple<std::vector<Laws>...>& others) {
+  return (same_joints(std::get<std::vector<Laws>>(some), std::get<std::vector<Laws>>(others)) && ...);
+}
 inline bool same_make(const Scene& one, const Scene& other) {
   const auto same_link = [](const Link& a, const Link& b) {
     return a.carrier == b.carrier && a.slide == b.slide && a.rotation == b.rotation && a.with_rotor == b.with_rotor;
@@ -30,9 +35,7 @@ inline bool same_make(const Scene& one, const Scene& other) {
   const JointForces &acting = *one.forces, &there = *other.forces;
   return one.dense == other.dense && one.chain->refined == other.chain->refined &&
          std::equal(some.begin(), some.end(), others.begin(), others.end(), same_link) &&
-         same_joints(acting.dampers, there.dampers) && same_joints(acting.springs, there.springs) &&
-         same_joints(acting.preloads, there.preloads) && same_joints(acting.frictions, there.frictions) &&
-         same_joints(acting.limits, there.limits) && same_joints(acting.stops, there.stops);
+         same_lists(acting.smooth, there.smooth) && same_lists(acting.others, there.others);
 }
 
 // The numbers of `from` into lane `i` of `to`.
@@ -45,6 +48,10 @@ template <template <class> class Law, class Real>
 inline void set_lane(std::vector<Law<Real>>& to, int i, const std::vector<Law<double>>& from) {
   to.resize(from.size());
   for (std::size_t k = 0; k < from.size(); ++k) to[k].joint = from[k].joint, set_lane(to[k], i, from[k]);
+}
+template <class... Laws, class... Scalar>
+inline void set_lane(std::tuple<std::vector<Laws>...>& to, int i, const std::tuple<std::vector<Scalar>...>& from) {
+  (set_lane(std::get<std::vector<Laws>>(to), i, std::get<std::vector<Scalar>>(from)), ...);
 }
 template <class Real>
 struct SideBySide {
@@ -63,9 +70,7 @@ struct SideBySide {
       link.has_branches = from.has_branches, link.with_rotor = from.with_rotor;
       set_lane(link, i, from);
     }
-    set_lane(forces.dampers, i, scene.forces->dampers), set_lane(forces.springs, i, scene.forces->springs);
-    set_lane(forces.preloads, i, scene.forces->preloads), set_lane(forces.frictions, i, scene.forces->frictions);
-    set_lane(forces.limits, i, scene.forces->limits), set_lane(forces.stops, i, scene.forces->stops);
+    set_lane(forces.smooth, i, scene.forces->smooth), set_lane(forces.others, i, scene.forces->others);
   }
 };
 

@@ -13,7 +13,7 @@ namespace planar_chain {
 
 struct ReducedChain {
   Chain chain;               // joints numbered anew
-  JointForces forces;        // dampers, springs, wrenches; efforts that do not change are the caller's
+  JointForces forces;        // smooth laws, wrenches; efforts that do not change are the caller's
   std::vector<int> joints;   // what the new joints were
 };
 
@@ -54,12 +54,9 @@ inline ReducedChain without_standing(const Chain& whole, const JointForces& forc
     made.axis_x = axis.x, made.axis_y = axis.y;
   }
   part.chain.find_features();
-  for (auto law : forces.dampers)
-    if ((law.joint = number[law.joint]) >= 0) part.forces.dampers.push_back(law);
-  for (auto law : forces.springs)
-    if ((law.joint = number[law.joint]) >= 0) part.forces.springs.push_back(law);
-  for (auto law : forces.preloads)
-    if ((law.joint = number[law.joint]) >= 0) part.forces.preloads.push_back(law);
+  forces.each_smooth([&](auto law) {
+    if ((law.joint = number[law.joint]) >= 0) std::get<std::vector<decltype(law)>>(part.forces.smooth).push_back(law);
+  });
   for (Wrench wrench : forces.wrenches) {
     const VecOf<double> own = turned[wrench.link], point = rotate(wrench.point_x, wrench.point_y, own.x, own.y);
     wrench.point_x = point.x, wrench.point_y = point.y;

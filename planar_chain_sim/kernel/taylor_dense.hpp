@@ -3,6 +3,7 @@
 #pragma once
 
 #include <complex>
+#include <type_traits>
 #include <vector>
 
 #include "dense_series.hpp"
@@ -131,7 +132,7 @@ class TaylorDense final : public Taylor {
       s.slide_weight_x[w] = weight[s.angles + w].real(), s.slide_weight_y[w] = weight[s.angles + w].imag();
   }
 
-  // Dampers and springs on the coordinates of the series.
+  // Linear laws on the coordinates of the series.
   void resist() {
     Series& s = series_;
     const auto add = [&](auto& columns, double* of_slides, int joint, double coefficient) {
@@ -144,8 +145,10 @@ class TaylorDense final : public Taylor {
           columns[p].of[p] += coefficient, columns[i].of[p] -= coefficient, columns[p].of[i] -= coefficient;
       }
     };
-    for (const auto& law : forces_.dampers) add(s.damping, s.slide_damping, law.joint, law.damping);
-    for (const auto& law : forces_.springs) add(s.stiffness, s.slide_stiffness, law.joint, law.stiffness);
+    forces_.each_smooth([&](const auto& law) {
+      if constexpr (std::decay_t<decltype(law)>::of_velocity) add(s.damping, s.slide_damping, law.joint, -law.by_velocity());
+      if constexpr (std::decay_t<decltype(law)>::of_position) add(s.stiffness, s.slide_stiffness, law.joint, -law.by_position());
+    });
     for (int j = 0; j < s.angles; ++j) {
       if (s.damping[j].of[j] != 0.0) s.damped.push_back(j);
       if (s.stiffness[j].of[j] != 0.0) s.sprung.push_back(j);

@@ -146,12 +146,13 @@ class TaylorRecursive final : public Taylor {
     recursion_.respond(effort_.data(), response_.data());
   }
 
-  // Coefficient k of what dampers and springs do; actuators, friction, moments and gravity are constant and have none.
+  // Coefficient k of what smooth laws do; actuators, friction, moments and gravity are constant and have none.
   void add_passive(int k) {
     std::memset(effort_.data(), 0, effort_.size() * sizeof(double));
     const double *v = velocity(k), *before = velocity(k - 1);
-    for (const auto& law : forces_.dampers) effort_[law.joint] -= law.damping * v[law.joint];
-    for (const auto& law : forces_.springs) effort_[law.joint] -= law.stiffness * before[law.joint] / k;
+    forces_.each_smooth([&](const auto& law) {
+      effort_[law.joint] += law.coefficient(k, v[law.joint], before[law.joint]);
+    });
   }
 
   // With the accelerations of order k in response_: every other coefficient that they decide.
