@@ -4,7 +4,8 @@ planar_chain_sim: planar chains and trees of rigid bodies by Arczewski's path-ma
 The map: data in `chain`, its numbers by name in `chain_parameters`, files of it in `chain_yaml`, what is refused in
 `chain_section` and `chain_checks`; topology S, P, M, with (5.60), in `path_matrix`; (5.87) and (5.88) in
 `equations_of_motion`; laws of joint effort in `joint_forces`; energy, (5.65) and (5.72), in `invariants`; the O(n)
-recursion in `kernel/recursive.hpp`, made ready by `plan` and asked by `dynamics`; methods in `integrators`, long
+recursion in `kernel/recursive.hpp`, made ready by `plan` and asked by `dynamics`; poses, momentum and reaction forces
+in `body_poses`; methods in `integrators`, long
 coefficients in `tableaux`; derivatives of the equations in `kernel/jacobian.hpp`, asked by `linearization`; the same
 equations term by term, to be read, in `symbolic`; stops and dry friction in `kernel/events.hpp` and
 `kernel/holding.hpp`; wrenches and payloads in `loads`; what of a chain may change in `quantities`; time in
@@ -19,6 +20,9 @@ __version__ = '0.1.0'
 
 _HOME = {
     'BatchRun': 'batch', 'rollout_batch': 'batch',
+    'BodyPoses': 'body_poses', 'body_poses': 'body_poses', 'body_velocities': 'body_poses',
+    'center_of_mass': 'body_poses', 'jacobian': 'body_poses', 'momentum': 'body_poses',
+    'reaction_forces': 'body_poses',
     'BASE': 'chain', 'Body': 'chain', 'Chain': 'chain', 'ChainError': 'chain', 'Joint': 'chain',
     'chain_from_dict': 'chain_yaml', 'load_chain': 'chain_yaml',
     'energy': 'dynamics', 'forward_dynamics': 'dynamics', 'inverse_dynamics': 'dynamics', 'mass_matrix': 'dynamics',
