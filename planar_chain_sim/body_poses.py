@@ -151,7 +151,7 @@ def center_of_mass(chain: Chain, position) -> np.ndarray:
 
 def momentum(chain: Chain, position, velocity) -> tuple[np.ndarray, np.ndarray]:
     """
-    Return the bodies' linear momentum (..., 2), kg m/s, and their angular one about the base's origin (...,), kg m^2/s.
+    Return linear momentum of the bodies, (..., 2), kg m/s, and angular about the origin of the base, (...,), kg m^2/s.
 
     Rotors that `armature` stands for have none here. ValueError: bad shape, non-finite value.
     """

@@ -50,8 +50,8 @@ def test_a_single_joint_takes_a_bare_number():
 
 @pytest.mark.parametrize('values, sentence', [
     ([1.0], 'NAME has shape (1,), must have (2,)'), ([], 'NAME has shape (0,), must have (2,)'),
-    ([[1.0, 2.0]], 'NAME has shape (1, 2), must have (2,)'), (1.0, 'NAME has shape (1,), must have (2,)'),
-    (np.zeros((2, 2)), 'NAME has shape (2, 2), must have (2,)'),
+    ([[1.0, 2.0, 3.0]], 'NAME has shape (1, 3), must have (2,)'), (1.0, 'NAME has shape (1,), must have (2,)'),
+    (np.zeros((2, 3)), 'NAME has shape (2, 3), must have (2,)'),
     ([0.0, np.nan], 'NAME[1] is nan, must be finite'), ((np.inf, 0.0), 'NAME[0] is inf, must be finite'),
     (np.array([0.0, -np.inf]), 'NAME[1] is -inf, must be finite'),
     ('no', "NAME must be numbers of shape (2,), got 'no'"), (None, 'NAME has shape (1,), must have (2,)'),
