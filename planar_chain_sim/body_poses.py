@@ -2,7 +2,7 @@
 Where the bodies of a chain are, how they move, and what their joints carry: kinematics and Newton's laws body by body.
 
 Joint points are prefix sums along the path, r_P = P^T (r + x chi) as in (5.71); rates and accelerations are their
-derivatives (5.77), (5.83). Plane vectors are complex inside, [x, y] outside. Arrays (..., joints) keep their leading
+derivatives (5.83). Plane vectors are complex inside, [x, y] outside. Arrays (..., joints) keep their leading
 axes: a whole run at once. Bodies are in file order, welded ones included; points are in m in the plane of the chain.
 """
 from __future__ import annotations
@@ -109,7 +109,7 @@ def body_poses(chain: Chain, position) -> BodyPoses:
 
 
 def body_velocities(chain: Chain, position, velocity) -> BodyPoses:
-    """Return the rates of body_poses, m/s and rad/s (5.77). ValueError: bad shape, non-finite value."""
+    """Return the rates of body_poses, m/s and rad/s (5.83). ValueError: bad shape, non-finite value."""
     motion = _Motion(chain, *_joint_rows(chain, position=position, velocity=velocity))
     return BodyPoses(_plane(motion.velocity), motion.rate, _plane(motion.center()[1]))
 
