@@ -5,6 +5,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tarfile
 from xml.etree import ElementTree
 
 import pytest
@@ -126,3 +127,17 @@ def test_metadata_agrees():
     setup = subprocess.run([sys.executable, 'setup.py', *fields], cwd=ROOT, capture_output=True, text=True)
     assert setup.stdout.splitlines() == list(fields.values()), setup.stderr
     assert planar_chain_sim.__version__ == package.findtext('version')
+
+
+def test_the_source_distribution_has_all_that_builds_and_tests_the_package(tmp_path):
+    """Compare the archive with the sources it was made from: headers, tests, configuration and documents are in it."""
+    source = tmp_path / 'source'
+    shutil.copytree(ROOT, source, ignore=NOT_SOURCES)
+    subprocess.run([sys.executable, 'setup.py', '-q', 'sdist', '-d', tmp_path], cwd=source, check=True,
+                   capture_output=True)
+    archive, = tmp_path.glob('*.tar.gz')
+    with tarfile.open(archive) as opened:
+        packed = {str(Path(*Path(name).parts[1:])) for name in opened.getnames()}
+    wanted = {str(path.relative_to(source)) for path in source.rglob('*')
+              if path.is_file() and not path.relative_to(source).parts[0].endswith('.egg-info')}
+    assert wanted and wanted <= packed, sorted(wanted - packed)
