@@ -1,6 +1,9 @@
 """Stops and dry friction: oracle, invariant, order and equality tests of what happens between smooth stretches."""
 import dataclasses
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from random_trees import random_tree
@@ -315,3 +318,14 @@ def test_random_scenes_keep_to_their_stops_and_only_lose_energy(seed, method):
                 assert now <= energy + 1e-6 * (1.0 + abs(energy if np.isfinite(energy) else 0.0))
             energy = now
     assert simulation.statistics['events'] < 2000
+
+
+@pytest.mark.parametrize('method', [name for name, row in pcs.METHODS.items() if row.adaptive])
+@pytest.mark.parametrize('step', [5e-324, 1e-320, 1e-300])
+def test_ticks_shorter_than_any_motion_end(method, step):
+    """A part of a step this short may be no number: the search for events goes on all the same."""
+    program = (f'import planar_chain_sim as pcs; s = pcs.Simulation(pcs.chain_from_dict({{"bodies": [{{"name": "a", '
+               f'"carrier": "base", "mass": 1.0, "inertia_com": 0.1, "rotation": {{"joint": "j", "friction": 0.1, '
+               f'"velocity": 1.0}}}}]}}), {method!r}, step={step!r}); s.advance(3); print(s.tick)')
+    done = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True, timeout=60)
+    assert done.stdout == '3\n', done.stderr

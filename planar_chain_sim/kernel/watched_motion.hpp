@@ -142,6 +142,7 @@ class WatchedMotion {
   double end_of_panel() const {
     if (!motion_->reads_densely()) return length_;
     double end = std::fmin(0.0625 * length_, 4.0 * step_);
+    if (end == 0.0) return length_;   // no number is that small
     while (end <= searched_) end *= 2.0;
     return std::fmin(end, length_);
   }
