@@ -2,6 +2,7 @@
 from importlib.machinery import EXTENSION_SUFFIXES
 import os
 from pathlib import Path
+import signal
 import socket
 import sys
 import tempfile
@@ -29,6 +30,8 @@ def free_domain():
 if not any((ROOT / 'planar_chain_sim' / f'_kernel{suffix}').exists() for suffix in EXTENSION_SUFFIXES):
     sys.path[:] = [entry for entry in sys.path if Path(entry).resolve() != ROOT]
     os.chdir(ROOT / 'test')  # the interpreters that tests start look in their working directory first
+
+signal.signal(signal.SIGHUP, signal.SIG_DFL)   # under nohup the processes that tests start would be deaf to it
 
 domain, domain_keeper = free_domain()
 log_folder = tempfile.TemporaryDirectory()
