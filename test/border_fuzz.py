@@ -275,7 +275,7 @@ class Fuzz:
         data = self.data()
         _kernel.roll_batch(*junk.arguments(
             [tuple(junk.arguments(self.model, junk.one_of(True, False), data)) for _ in range(many)], 1e-3,
-            junk.one_of(ticks, ticks, *[0, 10**9] * junk.beside()), junk.array(scenes, n), junk.array(scenes, n),
+            junk.one_of(ticks, ticks, *[0, 10**15] * junk.beside()), junk.array(scenes, n), junk.array(scenes, n),
             junk.array(junk.one_of(1, scenes), junk.one_of(1, ticks), n), junk.one_of(True, False),
             int(junk.size(2)), int(junk.one_of(*_kernel.vector_widths(), 0, 1, *[3, -1, 8] * junk.beside()))))
 
