@@ -78,9 +78,9 @@ def build_chain(data, file: str, source: Optional[str] = None) -> Chain:
 def read_body(section, entries, indices, owners) -> Body:
     """Return one body; `indices` and `owners` know the bodies and joints before it."""
     section.refuse_unknown_keys(BODY_KEYS, JOINT_KEYS, "under 'slide' or 'rotation'")
-    name = section.text('name', wanted='the name of the body, a text')
+    name = section.text('name', wanted='the name of the body, a string')
     if name in indices:
-        taken = "the reserved name of the chain's foot" if name == 'base' else 'the name of an earlier body'
+        taken = 'the reserved name of the base' if name == 'base' else 'the name of an earlier body'
         section.fail('name', f'is {shown(name)}, {taken}, must be a name of its own')
     carrier = read_carrier(section, name, entries, indices)
     mass, center_of_mass, inertia, inertia_com = read_mass(section)
@@ -140,7 +140,7 @@ def read_joint(body, kind, body_name, owners) -> Optional[Joint]:
     if section is None:
         return None
     section.refuse_unknown_keys(JOINT_KEYS)
-    name = section.text('joint', wanted='the name of the joint, a text')
+    name = section.text('joint', wanted='the name of the joint, a string')
     if name in owners:
         section.fail('joint', f"is {shown(name)}, the name of a joint of body '{clipped(owners[name])}', "
                      'must be a name of its own')
@@ -198,7 +198,7 @@ def check_chain(chain: Chain) -> None:
             raise ChainError(
                 f"body '{clipped(body.name)}' has the inertia {body.inertia!r:.40} about its joint point and "
                 f'{body.inertia_com!r:.40} about its mass centre, must have two that differ by mass * '
-                f'|center_of_mass|^2 = {steiner!r}; Chain.with_parameters keeps them together')
+                f'|center_of_mass|^2 = {steiner!r}; Chain.with_parameters keeps them consistent')
     chain.__dict__['_checked'] = True
 
 

@@ -51,7 +51,7 @@ def with_parameters(chain: Chain, values: Mapping[str, float]) -> Chain:
     places, data, inertias = places_of(chain), data_of(chain), {}
     for name, given in values.items():
         if name not in places:
-            raise ChainError(f'parameter {shown_name(name)} is none of {chain.name}{_likely(name, places)}, must be '
+            raise ChainError(f'parameter {shown_name(name)} is not one of {chain.name}{_likely(name, places)}, must be '
                              'one of Chain.parameters')
         value = as_number(plain(given, name))
         if value is None:

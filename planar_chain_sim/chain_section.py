@@ -20,7 +20,7 @@ MAX_ITEMS = 65536    # of one list
 MISSING = object()
 FACTOR = r'(pi|\d+\.?\d*(?:e[-+]?\d+)?|\.\d+(?:e[-+]?\d+)?)'
 ANGLE = re.compile(rf'([-+]?) *{FACTOR}((?: *[*/] *{FACTOR})*) *((?:deg|rad)(?:/s)?)?', re.ASCII)
-ANGLE_TEXTS = "or a text as '90 deg', 'pi/2', '-0.5*pi'"
+ANGLE_TEXTS = "or a string such as '90 deg', 'pi/2', '-0.5*pi'"
 
 
 class LinedDict(dict):
@@ -90,7 +90,7 @@ class Section:
                 return complex(x, y)
         self.fail(key, f'is {shown(value)}, must be a list of two finite numbers [x, y] ({unit})')
 
-    def text(self, key, default=None, wanted='a text') -> str:
+    def text(self, key, default=None, wanted='a string') -> str:
         """Return the non-empty, printable text under `key`; without a default the key is required."""
         value = self.data.get(key, MISSING)
         if value is MISSING and default is not None:
@@ -192,7 +192,7 @@ def plain(value, path='', depth=0):
             return inf if value > 0 else -inf
     if isinstance(value, str):
         return plain_text(value, path)
-    wanted = 'a mapping, a list, a text or a number'
+    wanted = 'a mapping, a list, a string or a number'
     if not isinstance(value, (Mapping, list, tuple)):
         raise ChainError(f'{path or "the chain"}: is of type {type(value).__name__}, must be {wanted}')
     if depth == MAX_DEPTH:
@@ -203,7 +203,7 @@ def plain(value, path='', depth=0):
         odd = [type(key).__name__ for key in value if not isinstance(key, str)]
         if odd:
             place = path or 'the chain'
-            raise ChainError(f'{place}: has a key of type {odd[0]}, must be a mapping whose keys are texts')
+            raise ChainError(f'{place}: has a key of type {odd[0]}, must be a mapping whose keys are strings')
         keys = [plain_text(key, path) for key in value]
         return {key: plain(item, f'{path}.{clipped(key)}'.lstrip('.'), depth + 1)
                 for key, item in zip(keys, value.values())}

@@ -110,7 +110,7 @@ def chain_from_dict(data: Mapping) -> Chain:
         raise ChainError(f"the chain is of type {type(data).__name__}, must be a mapping with the key 'bodies'")
     source = text_of(data)
     if len(source) > MAX_BYTES:
-        raise ChainError(f'the chain is longer than {MAX_BYTES // 2**20} MiB as a text, must be a smaller one')
+        raise ChainError(f'the text of the chain is longer than {MAX_BYTES // 2**20} MiB, must be shorter')
     return build_chain(data, '', source)
 
 
@@ -147,8 +147,8 @@ def find_chain_file(path: Union[str, os.PathLike]) -> Path:
             return folder / name
     places = ', '.join(['the working directory', *map(str, folders)])
     shipped = sorted({each.name for folder in folders for each in folder.glob('*.yaml')})
-    raise ChainError(f'{clipped(str(path), 400)}: is in none of {places}{suggestion(name.name, shipped)}, must be a '
-                     f'chain file in YAML; with the package come {", ".join(shipped) or "none"}')
+    raise ChainError(f'{clipped(str(path), 400)}: was not found in {places}{suggestion(name.name, shipped)}, must be a '
+                     f'chain file in YAML; the package has {", ".join(shipped) or "none"}')
 
 
 def config_folders() -> Iterator[Path]:
@@ -194,7 +194,7 @@ class Composer:
             mark = getattr(error, 'problem_mark', None)
             line = f' line {mark.line + 1}' if mark else ''
             if mark and TAB.match(''.join(text.split('\n')[mark.line:mark.line + 1])):
-                raise ChainError(f'{self.name}{line}: is indented with a tab, must be indented with blanks') from None
+                raise ChainError(f'{self.name}{line}: is indented with a tab, must be indented with spaces') from None
             problem = clipped(getattr(error, 'problem', None) or getattr(error, 'reason', 'unreadable'), 120)
             raise ChainError(f'{self.name}{line}: is not valid YAML ({problem}), must be a chain file') from None
         finally:
@@ -213,7 +213,7 @@ class Composer:
         scalar = isinstance(event, events.ScalarEvent)
         if self.key is None and self.open and isinstance(self.open[-1], dict):
             if not scalar:
-                self.fail(line, 'has a list or mapping as a key, must be a text')
+                self.fail(line, 'has a list or mapping as a key, must be a string')
             self.take_key(event.value, line)
         elif scalar:
             self.put(plain_scalar(event.value) if event.implicit[0] else event.value, line)

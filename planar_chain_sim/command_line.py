@@ -71,14 +71,14 @@ class Parser(ArgumentParser):
 
 def add_hold(parser: Parser) -> None:
     """Add `--hold`, for load_chain(..., hold=...)."""
-    parser.add_argument('--hold', action='append', metavar='JOINT[=VALUE]', help='weld this joint of the chain at '
-                        'this value, rad or m, or where it is at the start; may be given several times')
+    parser.add_argument('--hold', action='append', metavar='JOINT[=VALUE]', help='weld a joint at this '
+                        'value, rad or m, or at its initial position; can be given several times')
 
 
 def refuse_hold(options) -> None:
     """Refuse `--hold` for a log, whose joints are those that it has; Mistake."""
     if options.hold:
-        raise Mistake('--hold is of a chain file, but what is given is a log')
+        raise Mistake('--hold is for chain files, but the file given is a log')
 
 
 def run_command(program: str, body: Callable[[Optional[Sequence[str]]], int],
@@ -145,7 +145,7 @@ def sentence_of(error: Exception) -> Optional[str]:
         leave_output()
         return f'its output cannot be written ({error.strerror})'
     if isinstance(error, MemoryError):
-        return f'there is not enough memory{f" ({error})" if str(error) else ""}, must be a smaller task'
+        return f'there is not enough memory{f" ({error})" if str(error) else ""}, try a smaller task'
     if isinstance(error, Mistake):
         return str(error)
     from .chain import ChainError

@@ -54,8 +54,8 @@ def weld(bodies: list[Body], hold: dict) -> list[Body]:
     joints = {joint.name: joint for body in bodies for joint in (body.slide, body.rotation) if joint}
     for name, value in hold.items():
         if name not in joints:
-            raise ChainError(f"hold names '{clipped(name)}', no joint of this chain{suggestion(name, list(joints))}, "
-                             'must name joints of the chain')
+            raise ChainError(f"hold names '{clipped(name)}', which is not a joint of this chain"
+                             f'{suggestion(name, list(joints))}, must name joints of the chain')
         joint = joints[name]
         if value is not None and not joint.lower <= value <= joint.upper:
             raise ChainError(f"hold gives {value!r} to joint '{clipped(name)}', must lie between its stops, "

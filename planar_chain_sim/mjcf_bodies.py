@@ -97,7 +97,7 @@ class Mechanism:
             if element.tag == 'include':
                 path = element.text('file')
                 if id(element) not in at_top or path.replace('\\', '/').rpartition('/')[2] not in LOOKS:
-                    element.fail(f"takes in '{clipped(path)}', other files are not read, must be one file (MuJoCo "
+                    element.fail(f"includes '{clipped(path)}', other files are not read, must be one file (MuJoCo "
                                  'writes one: mj_saveLastXML)')
         includes = [element.text('file') for element in self.sections['include']]
         self.unused += [clipped(path) for path in includes]
@@ -167,7 +167,7 @@ class Mechanism:
                 elif child.tag == 'inertial' and index >= 0 and child_depth == 1 and not self.bodies[index].inertial:
                     self.bodies[index].inertial = child
                 elif child.tag == 'freejoint':
-                    child.fail('lets its body move freely: the robot is not planar, must be')
+                    child.fail('lets its body move freely: the robot is not planar, must be a hinge or slide')
                 elif child.tag not in UNSEEN:
                     child.fail('is not read here, must be a body, geom, joint, inertial or frame')
             if index >= 0:

@@ -210,7 +210,7 @@ class Classes:
             if not name:
                 section.fail('has no class, must have one')
             if parent is not None and name in self._classes:
-                section.fail(f"has the class '{clipped(name)}', which is there already, must have one of its own")
+                section.fail(f"has the class '{clipped(name)}', which exists already, must have one of its own")
             says = self._classes.setdefault(name, {})
             if parent is None and section.text('class'):     # another name of the outermost class
                 self._classes[section.text('class')] = says

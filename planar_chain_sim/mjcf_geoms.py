@@ -76,7 +76,7 @@ def read_geom(element: Element, compiler: Compiler, turn: np.ndarray, shift: np.
         size = [*size[:1] * (SIZES[kind] - 1), 0.5 * length]
     else:
         if fromto is not None and kind == 'sphere':
-            element.fail('has a fromto, must be a capsule, cylinder, box or ellipsoid then')
+            element.fail('has a fromto, must then be a capsule, cylinder, box or ellipsoid')
         own_turn, own_shift = compiler.pose(element)
     wanted = SIZES.get(kind, 0)
     if len(size) < wanted or min(size[:wanted], default=1.0) <= 0.0:

@@ -57,7 +57,7 @@ class Reader(Mechanism):
         self._read_keyframe()
         for joint in hold:
             if joint not in self.joint_names:
-                raise ChainError(f"{self.file}: hold names '{clipped(joint)}', of which the mechanism has none"
+                raise ChainError(f"{self.file}: hold names '{clipped(joint)}', which the file does not have"
                                  f'{suggestion(joint, sorted(self.joint_names))}, must name its joints')
         return self._robot(hold)
 
@@ -127,7 +127,7 @@ class Reader(Mechanism):
                 self.unused.append(f'actuator {name} (actuation is disabled)')
                 continue
             if element.tag not in Classes.ACTUATORS:
-                element.fail('is no actuator that MJCF knows, must be a motor')
+                element.fail('is not an actuator of MJCF, must be a motor')
             if element.tag in IDLE_ACTUATORS:
                 if any(resolved.numbers('bias', 1, 3) or ()):
                     self._servo(element, name)
@@ -160,7 +160,7 @@ class Reader(Mechanism):
                 f"{clipped(name)} {joints[name].laws.get('effort_limit', inf):g}" for name in list(limits)[:16]))
             idle = [clipped(name) for name in joints if name not in limits]
             if idle:
-                self.notes.append(f"no motor, but takes commands here: {', '.join(idle[:16])}")
+                self.notes.append(f"without a motor, but can be commanded here: {', '.join(idle[:16])}")
 
     def _has_bias(self, element: Element) -> bool:
         if element.text('biastype', 'none') == 'none' and not element.text('servo'):

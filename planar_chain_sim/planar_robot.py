@@ -149,7 +149,8 @@ def _place(robot, name: str) -> dict:
     for joint in robot.joints:
         turn, shift = child_place(joint, *places[joint.parent])
         if not (np.isfinite(turn).all() and np.isfinite(shift).all()):
-            raise ChainError(f"{name}: joint '{clipped(joint.name)}' has a place that is not finite, must be one")
+            raise ChainError(f"{name}: joint '{clipped(joint.name)}' has a position that is not finite, must have a "
+                             'finite one')
         places[joint.child] = turn, shift
     return places
 

@@ -8,15 +8,15 @@ from .xml_elements import root_tag
 
 WANTED = 'must be a URDF, an MJCF or a chain file in YAML'
 OTHERS = {  # the root element's tag, of formats that people have beside URDF and MJCF
-    'sdf': 'an SDF', 'gazebo': 'an SDF (of the old kind, with the root gazebo)', 'world': 'a world of Gazebo',
-    'mujocoinclude': 'a part of an MJCF that another file takes in', 'OpenSimDocument': 'a model of OpenSim',
+    'sdf': 'an SDF', 'gazebo': 'an SDF (an old one, with the root gazebo)', 'world': 'a world of Gazebo',
+    'mujocoinclude': 'a part of an MJCF, to be included by another file', 'OpenSimDocument': 'a model of OpenSim',
     'COLLADA': 'a COLLADA mesh', 'Robot': 'a robot of OpenRAVE', 'KinBody': 'a body of OpenRAVE',
     'Environment': 'an environment of OpenRAVE', 'X3D': 'an X3D scene', 'VTKFile': 'a VTK file', 'amf': 'an AMF mesh',
     'launch': 'a launch file', 'package': 'a package manifest', 'svg': 'an SVG picture',
     'project': 'a project file', 'simulation': 'a scene of another simulator', 'scene': 'a scene of another simulator',
 }
 BEGINNINGS = {  # of texts that are no XML
-    '#usda': 'a USD scene', 'PXR-USDC': 'a USD scene', '#VRML': 'a VRML scene (of Webots, say)',
+    '#usda': 'a USD scene', 'PXR-USDC': 'a USD scene', '#VRML': 'a VRML scene (for example of Webots)',
     '#X3D': 'an X3D scene', '\x89MCAP': 'an MCAP log (resimulate and replay read it)', 'glTF': 'a glTF scene',
     'PK\x03\x04': 'a ZIP archive (or a USDZ scene)', 'solid ': 'an STL mesh', 'ply\n': 'a PLY mesh', '%PDF': 'a PDF',
 }

@@ -28,7 +28,7 @@ PART_OF_JOINT = ('parent', 'child', 'origin', 'axis', 'limit', 'dynamics', 'mimi
 TAKEN = {'limit': ('lower', 'upper', 'effort', 'velocity'), 'dynamics': ('damping', 'friction')}
 SPRINGS = ('springStiffness', 'springReference')   # of a joint, in <gazebo>; and others there that change a motion
 OF_GAZEBO = ('gravity', 'turnGravityOff', 'kinematic', 'dampingFactor', 'static')
-NOT_THERE = 'of which the robot has none'
+NOT_THERE = 'which the robot does not have'
 
 
 def chain_from_urdf(text: str, name: str, hold: dict) -> Chain:
@@ -107,7 +107,7 @@ class Reader:
                     what = f"DetachableJoint '{clipped(element.get('name') or '')}'"
                     if ends[1] in [link.get('name') for link in self.root.all('link')]:
                         self._refuse_loop(what, *ends, where)
-                    self.fail(f"{what} ({where}) ties link '{clipped(ends[0])}' to another model, must stand alone")
+                    self.fail(f"{what} ({where}) ties link '{clipped(ends[0])}' to another model, must not have it")
                 elif element.tag == 'equality' and element.children:
                     first = element.children[0]
                     self._refuse_loop(f"{clipped(first.tag)} '{clipped(first.get('name') or '')}'",
@@ -388,7 +388,7 @@ class Reader:
         part = inertial.find('inertia')
         xx, yy, zz, xy, xz, yz = (self.number(part, f'i{axes}', where) for axes in ('xx', 'yy', 'zz', 'xy', 'xz', 'yz'))
         if not np.isfinite(center).all() or not np.isfinite(turn).all():
-            self.fail(f'{where} has a mass centre that is not finite, must be')
+            self.fail(f'{where} has a mass centre that is not finite, must have a finite one')
         if mass and part is None:
             self.drop(f"inertia, none is given, of link '{clipped(name)}'")
         matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])

@@ -240,9 +240,9 @@ def main(arguments=None) -> int:
 def _write(arguments) -> int:
     from .chain_yaml import load_chain
     parser = Parser('urdf', 'Write a chain as URDF: for robot_state_publisher, RViz, MuJoCo, Pinocchio and others.\n'
-                    'Springs and rotors are no part of a URDF; the initial state is in the <ros2_control> block.',
+                    'A URDF has no springs and rotors; the initial state is in the <ros2_control> block.',
                     'urdf four_link_robot.yaml --output four_link_robot.urdf')
-    parser.add_argument('chain', help='chain file, or another robot file that is read: MJCF, URDF')
+    parser.add_argument('chain', help='chain file (YAML, URDF or MJCF)')
     parser.add_argument('--output', metavar='FILE', help='file to write; default: standard output')
     parser.add_argument('--commands', metavar='TOPIC', default=COMMANDS,
                         help=f'topic of commands in the <ros2_control> block; default {COMMANDS}')
@@ -250,7 +250,7 @@ def _write(arguments) -> int:
     options = parser.parse_args(arguments)
     for flag in ('commands', 'states'):
         if not TOPIC.fullmatch(getattr(options, flag)):
-            raise Mistake(f'--{flag} is {clipped(getattr(options, flag))!r}, must be a topic, as /joint_states')
+            raise Mistake(f'--{flag} is {clipped(getattr(options, flag))!r}, must be a topic such as /joint_states')
     chain = load_chain(options.chain)
     if lost := left_out(chain):
         warnings.warn(f'not in the URDF: {"; ".join(lost)}', RobotFileNote)
@@ -264,10 +264,6 @@ def _write(arguments) -> int:
     except (OSError, ValueError) as error:
         raise Mistake(f'{options.output!r}: {getattr(error, "strerror", None) or error}') from None
     return 0
-
-
-if __name__ == '__main__':
-    sys.exit(main())
 
 
 if __name__ == '__main__':

@@ -41,11 +41,11 @@ def expanded(path, text: bytes, name: str) -> bytes:
         done = subprocess.run([sys.executable, '-c', PROGRAM, str(path), str(MAX_MEMORY)], capture_output=True,
                               stdin=subprocess.DEVNULL, timeout=SECONDS)
     except subprocess.TimeoutExpired:
-        raise ChainError(f'{name}: is not expanded by xacro within {SECONDS} s, {wanted}') from None
+        raise ChainError(f'{name}: cannot be expanded by xacro within {SECONDS} s, {wanted}') from None
     if done.returncode:
         lines = done.stderr.decode('utf-8', 'replace').split('\n')
         reason = next((line for line in reversed(lines) if line.strip()), 'no reason given')
-        raise ChainError(f'{name}: is not expanded by xacro ({clipped(reason.strip(), 160)}), {wanted}')
+        raise ChainError(f'{name}: cannot be expanded by xacro ({clipped(reason.strip(), 160)}), {wanted}')
     if len(done.stdout) > MAX_BYTES:
-        raise ChainError(f'{name}: makes more than {MAX_BYTES // 2**20} MiB when expanded by xacro, {wanted}')
+        raise ChainError(f'{name}: has more than {MAX_BYTES // 2**20} MiB when expanded by xacro, {wanted}')
     return done.stdout

@@ -15,7 +15,7 @@ BODY_KEYS = 'name, carrier, origin, angle, mass, center_of_mass, inertia, inerti
 JOINT_KEYS = ('joint, axis, damping, stiffness, rest, friction, preload, armature, effort_limit, lower, upper, '
               'restitution, position, velocity')
 AN_EARLIER = "must be 'base' or the name of an earlier body"
-ANGLES = "or a text as '90 deg', 'pi/2', '-0.5*pi'"
+ANGLES = "or a string such as '90 deg', 'pi/2', '-0.5*pi'"
 AXIS = 'must be 1 (counter-clockwise) or -1 (clockwise)'
 SINGULAR = 'which makes the mass matrix singular in every configuration because'
 TO_MOVE = "must have mass, inertia or 'armature' to move"
@@ -24,7 +24,7 @@ THE_SAME = 'it moves no mass, beyond rounding, that the other joints do not move
 
 # (what is changed in TWO_RODS, into what, the line of the sentence, the sentence after it)
 MISTAKES = [
-    ('name: two_rods', 'name: 12', 1, "key 'name' is 12, must be a text (in quotes if it looks like a number)"),
+    ('name: two_rods', 'name: 12', 1, "key 'name' is 12, must be a string (in quotes if it looks like a number)"),
     ('name: two_rods', 'title: a', 1, "key 'title' is unknown, must be one of name, gravity, bodies, hold"),
     ('bodies:', 'bodeis:', 3,
      "key 'bodeis' is unknown (did you mean 'bodies'?), must be one of name, gravity, bodies, hold"),
@@ -64,10 +64,11 @@ MISTAKES = [
     ('name: forearm', 'name: upper', 12,
      "body 'upper' key 'name' is 'upper', the name of an earlier body, must be a name of its own"),
     ('name: forearm', 'name: base', 12,
-     "body 'base' key 'name' is 'base', the reserved name of the chain's foot, must be a name of its own"),
-    ('name: forearm', 'angle: 0', 12, "bodies[1] key 'name' is missing, must be the name of the body, a text"),
-    ('name: forearm', 'name: ""', 12, "body '' key 'name' is '', must be the name of the body, a text"),
-    ('name: forearm', 'name: "a\\nb"', 12, "body 'a\\nb' key 'name' is 'a\\nb', must be the name of the body, a text"),
+     "body 'base' key 'name' is 'base', the reserved name of the base, must be a name of its own"),
+    ('name: forearm', 'angle: 0', 12, "bodies[1] key 'name' is missing, must be the name of the body, a string"),
+    ('name: forearm', 'name: ""', 12, "body '' key 'name' is '', must be the name of the body, a string"),
+    ('name: forearm', 'name: "a\\nb"', 12,
+     "body 'a\\nb' key 'name' is 'a\\nb', must be the name of the body, a string"),
     ('carrier: base', 'carrier: forearm', 5,
      f"body 'upper' key 'carrier' is 'forearm', a body that comes later, {AN_EARLIER}"),
     ('carrier: base', 'carrier: upper', 5, f"body 'upper' key 'carrier' is 'upper', the body itself, {AN_EARLIER}"),
@@ -81,7 +82,7 @@ MISTAKES = [
     ('joint: elbow', 'joint: boom', 21, "body 'forearm' key 'rotation.joint' is 'boom', "
      "the name of a joint of body 'forearm', must be a name of its own"),
     ('joint: elbow', 'axis: 1', 21, "body 'forearm' key 'rotation.joint' is missing, "
-     'must be the name of the joint, a text'),
+     'must be the name of the joint, a string'),
     ('      axis: 0.5\n', '', 18, "body 'forearm' key 'slide.axis' is missing, "
      "must be a finite number (rad, the direction in the carrier's frame)"),
     ('axis: 1', 'axis: 2', 11, f"body 'upper' key 'rotation.axis' is 2.0, {AXIS}"),
@@ -108,11 +109,11 @@ MISTAKES = [
     ('joint: elbow', 'joint: &a elbow', 21, "body 'forearm' has the anchor or alias 'a', must be written out in full"),
     ('joint: elbow', 'joint: *a', 21, "body 'forearm' has the anchor or alias 'a', must be written out in full"),
     ('axis: 1', 'axis: !!float 1', 11, "body 'upper' has the tag '!!float', must be plain YAML without tags"),
-    ('axis: 1', '[a]: 1', 11, "body 'upper' has a list or mapping as a key, must be a text"),
+    ('axis: 1', '[a]: 1', 11, "body 'upper' has a list or mapping as a key, must be a string"),
     ('joint: elbow\n', 'joint: elbow\n---\na: b\n', 22, 'starts a second YAML document, must be one'),
     ('axis: 1', 'axis: [1', 12, "is not valid YAML (did not find expected ',' or ']'), must be a chain file"),
-    ('    mass: 2.0', '\tmass: 2.0', 14, 'is indented with a tab, must be indented with blanks'),
-    ('      joint: elbow', '  \tjoint: elbow', 21, 'is indented with a tab, must be indented with blanks'),
+    ('    mass: 2.0', '\tmass: 2.0', 14, 'is indented with a tab, must be indented with spaces'),
+    ('      joint: elbow', '  \tjoint: elbow', 21, 'is indented with a tab, must be indented with spaces'),
     ('axis: 0.5', 'axis: north', 19, "body 'forearm' key 'slide.axis' is 'north', must be a finite number (rad, "
      f"the direction in the carrier's frame), {ANGLES}"),
     ('axis: 1', 'position: 90 degrees', 11,
@@ -203,21 +204,21 @@ def test_degenerate_but_solvable_chain_is_taken(bodies):
 @pytest.mark.parametrize(('data', 'sentence'), [
     ([], "the chain is of type list, must be a mapping with the key 'bodies'"),
     (None, "the chain is of type NoneType, must be a mapping with the key 'bodies'"),
-    ({1: 2}, 'the chain: has a key of type int, must be a mapping whose keys are texts'),
+    ({1: 2}, 'the chain: has a key of type int, must be a mapping whose keys are strings'),
     ({'name': '\ud800'}, "name: holds the text '\\\\ud800', must be printable text"),
     ({'bodies': [rod(mass=np.float32(-1))]},
      f"bodies[0].mass: body 'rod' key 'mass' is -1.0, must be {ABOVE_ZERO} (kg)"),
     ({'bodies': [rod(mass=10**400)]},
      "bodies[0].mass: body 'rod' key 'mass' is inf, must be a finite number >= 0 (kg)"),
     ({'bodies': [rod(mass=object())]},
-     'bodies[0].mass: is of type object, must be a mapping, a list, a text or a number'),
+     'bodies[0].mass: is of type object, must be a mapping, a list, a string or a number'),
     ({'bodies': [rod(mass=np.True_)]}, f"bodies[0].mass: body 'rod' key 'mass' is true, must be {ABOVE_ZERO} (kg)"),
     ({'bodies': [rod(origin=np.zeros(3))]}, "bodies[0].origin: body 'rod' key 'origin' is [0.0, 0.0, 0.0], "
      'must be a list of two finite numbers [x, y] (m)'),
     ({'bodies': [rod(rotation={'joint': 'pivot', 'damping': 'x'})]}, "bodies[0].rotation.damping: body 'rod' "
      f"key 'rotation.damping' is 'x', must be {ABOVE_ZERO} (N m s/rad)"),
     ({'bodies': [rod(visual={'a': [1, b'x']})]},
-     'bodies[0].visual.a[1]: is of type bytes, must be a mapping, a list, a text or a number'),
+     'bodies[0].visual.a[1]: is of type bytes, must be a mapping, a list, a string or a number'),
     ({'bodies': [rod(visual={str(i): i for i in range(257)})]},
      'bodies[0].visual: has 257 entries, must have at most 256 keys or 65536 items'),
 ])
@@ -246,9 +247,9 @@ def test_chain_that_is_not_there_is_told_with_those_that_are(tmp_path, monkeypat
     with pytest.raises(ChainError) as caught:
         load_chain('four_link.yaml')
     said, shipped = str(caught.value), sorted(path.name for path in CONFIG.glob('*.yaml'))
-    assert said.startswith('four_link.yaml: is in none of the working directory, ')
+    assert said.startswith('four_link.yaml: was not found in the working directory, ')
     assert "(did you mean 'four_link_robot.yaml'?)" in said
-    assert len(shipped) >= 6 and said.endswith(f'; with the package come {", ".join(shipped)}')
+    assert len(shipped) >= 6 and said.endswith(f'; the package has {", ".join(shipped)}')
 
 
 @pytest.mark.parametrize(('path', 'reason'), [

@@ -132,6 +132,6 @@ def test_absolute_chain_file_stays_and_an_unknown_one_is_one_sentence(empty_plac
         find_chain_file('no/such.yaml')
     prefix = empty_places / 'prefix/share/planar_chain_sim/config'
     source = Path(planar_chain_sim.__file__).resolve().parents[1] / 'config'
-    assert str(caught.value) == (f'no/such.yaml: is in none of the working directory, {prefix}, {source}, '
-                                 'must be a chain file in YAML; with the package come '
+    assert str(caught.value) == (f'no/such.yaml: was not found in the working directory, {prefix}, {source}, '
+                                 'must be a chain file in YAML; the package has '
                                  + ', '.join(sorted(path.name for path in CONFIG.glob('*.yaml'))))

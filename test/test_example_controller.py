@@ -39,7 +39,7 @@ def test_it_follows_the_swing_bit_for_bit_as_without_ros(tmp_path):
 
 @pytest.mark.parametrize('arguments, sentence', [
     (['--ros-args', '-p', 'period:=0.0'], "parameter 'period' is 0.0, must be from 0.01 to 10000"),
-    (['--ros-args', '-p', 'chain_file:=none.yaml'], 'none.yaml: is in none of'),
+    (['--ros-args', '-p', 'chain_file:=none.yaml'], 'none.yaml: was not found in'),
     (['arm'], 'unrecognized arguments: arm (see example_controller --help)')])
 def test_mistakes_are_one_sentence(arguments, sentence):
     code, output = run(MODULE, *arguments)

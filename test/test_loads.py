@@ -308,7 +308,7 @@ def test_a_heavy_payload_changes_the_form_and_keeps_the_digits():
     (('forearm', np.nan), 'mass[0] is nan, must be finite'),
     (('forearm', 1.0, (0.0, np.inf)), 'position[1] is inf, must be finite'),
     (('forearm', 1.0, (0.0, 0.0), 0.0, 'column'),
-     "name is 'column', must be a text and not the name of a body of four_link_robot"),
+     "name is 'column', must be a string and not the name of a body of four_link_robot"),
     *((('forearm', mass, (place, 0.0)), "body 'payload' of four_link_robot is welded on too far from a joint: "
        'its moment of inertia about that is not finite') for mass, place in [(1.0, 1e300), (1e300, 1e100)])])
 def test_a_payload_that_cannot_be_is_refused_and_changes_nothing(arguments, sentence):

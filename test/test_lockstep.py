@@ -129,7 +129,7 @@ def test_silence_is_reported_and_the_outstanding_state_repeated(peer):
     assert second.effort[0] == effort(first.position[0], first.velocity[0]), 'what came before the silence counts'
     unstamped = JointState(name=JOINTS, effort=[9.0] * 5)
     peer.joint_commands.publish(unstamped)
-    peer.process.wait_for('has no stamp, in lockstep it must echo that of the state it answers')
+    peer.process.wait_for('has no stamp, in lockstep it must repeat that of the state it answers')
     answer(peer, second, [JOINTS[0]])
     peer.until(lambda: [e for e in events(peer, 'command_timeout') if e['tick'] == 1 and e['data']['joints']
                         == [JOINTS[3]]])

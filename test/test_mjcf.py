@@ -193,7 +193,8 @@ def test_laws_limits_and_motors_are_taken():
     assert [(joint.lower, joint.upper, joint.position, joint.effort_limit) for joint in chain.joints] == [
         (-np.inf, np.inf, 0.0, 200.0), (-3.0, 3.0, 0.0, 200.0), (-.27, .27, .1, np.inf), (-.27, .27, -.1, np.inf)]
     assert chain.gravity == 0j
-    assert 'ctrlrange of motor is taken as symmetric' in note and 'no motor, but takes commands here: target_x' in note
+    assert 'ctrlrange of motor is taken as symmetric' in note
+    assert 'without a motor, but can be commanded here: target_x' in note
     chain, note = read(KINDS['hopper'])
     assert [joint.effort_limit for joint in chain.joints[3:]] == [200.0, 40.0, np.inf]
     assert chain.joints[1].position == 1.25 and chain.joints[4].position == np.radians(5.0)
@@ -251,7 +252,7 @@ SPRING = '<tendon><fixed name="t" {}><joint joint="hinge" coef="1"/></fixed></te
     ({'inner': '<geom type="mesh" mesh="m"/>'}, 'in another file'),
     ({'head': '<option density="1.2"/>'}, 'density or viscosity of the air'),
     ({'head': '<option viscosity="1"/>'}, 'density or viscosity of the air'),
-    ({'head': '<include file="arm.xml"/>'}, "takes in 'arm.xml', other files are not read"),
+    ({'head': '<include file="arm.xml"/>'}, "includes 'arm.xml', other files are not read"),
     ({'head': '<compiler coordinate="global"/>'}, "has coordinate 'global'"),
     ({'body': 'quat="1 0 0 0" euler="0 0 0"'}, 'has quat and euler, must have one of them'),
     ({'world': '<joint/>'}, 'is not read here'),

@@ -302,9 +302,9 @@ def replace_file(path):
 
 @pytest.mark.parametrize('harm, told, lost', [
     (lambda path: path.unlink(), 'the file has been deleted, what is recorded will be lost', True),
-    (lambda path: path.rename(path.with_name('moved.mcap')), 'the file has been moved away', False),
+    (lambda path: path.rename(path.with_name('moved.mcap')), 'the file has been moved', False),
     (replace_file, 'another file has this name now', False),
-    (lambda path: os.truncate(path, 1000), 'somebody has cut the file short', True)])
+    (lambda path: os.truncate(path, 1000), 'the file has been cut short', True)])
 def test_a_log_that_somebody_takes_away_is_told_and_the_physics_goes_on(harm, told, lost, tmp_path):
     path = tmp_path / 'run.mcap'
     with simulator(record=path) as process, Peer() as peer:

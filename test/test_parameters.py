@@ -99,8 +99,8 @@ def test_whole_numbers_are_taken_where_numbers_are_meant(declared):
     ('command_timeout:=-0.1', "parameter 'command_timeout' is -0.1, must be from 0 to 1e+06"),
     ('lockstep:=1', "parameter 'lockstep' is 1, must be true or false"),
     ('start_paused:=1', "parameter 'start_paused' is 1, must be true or false"),
-    ('chain_file:=7', "parameter 'chain_file' is 7, must be a text"),
-    ('frame_id:=[a,b]', "parameter 'frame_id' is ['a', 'b'], must be a text"),
+    ('chain_file:=7', "parameter 'chain_file' is 7, must be a string"),
+    ('frame_id:=[a,b]', "parameter 'frame_id' is ['a', 'b'], must be a string"),
     ('on_controller_loss:=stop', "parameter 'on_controller_loss' is 'stop', must be one of 'zero', 'hold'"),
     ('record_flush_period:=0.0', "parameter 'record_flush_period' is 0.0, must be from 0.01 to 3600"),
     ('record_compression:=zip', "parameter 'record_compression' is 'zip', must be one of 'none', 'lz4', 'zstd'")])
@@ -408,7 +408,7 @@ def test_what_takes_longer_than_its_time_out_is_still_under_way_and_told_afterwa
         assert until_refused(lambda: peer.set(gravity=[0.0, -1.0])[0]) == (
             'not done: the simulation is in a tick that takes longer than 2 s')
         assert until_refused(lambda: peer.call('reset')).startswith('still under way after 2 s')
-        process.wait_for('reset of a while ago: initial state and zero efforts from tick')
+        process.wait_for('late answer to reset: initial state and zero efforts from tick')
         peer.until(lambda: any('"reset"' in event.data for event in peer.events))
         assert process.stop() == 0, process.output
 
@@ -459,7 +459,7 @@ def test_the_node_itself_tells_of_a_file_for_another(tmp_path):
     text = 'simulator:\n  ros__parameters:\n    rate: 500.0\n'
     with Process('planar_chain_sim.ros.node', '--ros-args', *files(tmp_path, text), '-r', '__ns:=/arm', '-p',
                  'sim:rate:=5.0') as process:
-        assert "nothing for this node, /arm/simulator, but for /simulator: head it '/arm/simulator:'" in (
+        assert "nothing for this node, /arm/simulator, only for /simulator: use the heading '/arm/simulator:'" in (
             process.wait_for('parameter file'))
         assert "for a node 'sim', this is /arm/simulator" in process.wait_for("'sim:rate:=5.0'")
         process.wait_for('running')

@@ -56,8 +56,8 @@ def test_the_robot_as_it_was_given_is_published_where_nothing_is_held(robot):
 
 @pytest.mark.parametrize('parts, said', [
     ([], "joint 's' turns about another direction than 'e', 'w'"),
-    (['--hold', 'base'], "hold names 'base', of which the robot has none"),
-    (['--ros-args', '-p', 'hold:=[1, 2]'], "parameter 'hold' is [1, 2], must be a list of texts"),
+    (['--hold', 'base'], "hold names 'base', which the robot does not have"),
+    (['--ros-args', '-p', 'hold:=[1, 2]'], "parameter 'hold' is [1, 2], must be a list of strings"),
 ])
 def test_a_mistake_is_one_sentence(parts, said, robot):
     code, output = run('planar_chain_sim.ros.node', robot, *parts)

@@ -308,7 +308,7 @@ def test_what_mimics_a_held_joint_is_held_with_it(in_e, plugin):
 
 
 @pytest.mark.parametrize('hold, said', [
-    (['S_'], "hold names 'S_', of which the robot has none (did you mean 's'?), must name its joints"),
+    (['S_'], "hold names 'S_', which the robot does not have (did you mean 's'?), must name its joints"),
     (['e=3'], "hold gives 3.0 to joint 'e', must lie between its limits, -2.0 and 2.0"),
     (['e=-3'], "hold gives -3.0 to joint 'e', must lie between its limits, -2.0 and 2.0"),
     (['e=x'], "hold 'e=x' has no number after '=', must be JOINT=VALUE (rad or m)"),
@@ -387,7 +387,7 @@ def test_joints_of_a_yaml_chain_are_held():
                                pcs.inverse_dynamics(chain, position, still, still)[kept], rtol=0, atol=1e-12)
     again = pcs.load_chain('four_link_robot.yaml', hold=['column_slide'])
     assert again.bodies[0].origin == chain.bodies[0].origin + chain.joints[0].position * np.exp(1j * pi / 2)
-    for hold, said in ((['colum_slide'], "hold names 'colum_slide', no joint of this chain (did you mean 'column_slid"),
+    for hold, said in ((['colum_slide'], "hold names 'colum_slide', which is not a joint of this chain (did you m"),
                        (chain.joint_names, 'hold names all joints of the chain, must leave one that moves')):
         with pytest.raises(pcs.ChainError, match=r'four_link_robot.yaml: .*must') as caught:
             pcs.load_chain('four_link_robot.yaml', hold=hold)
@@ -407,4 +407,4 @@ def test_executables_tell_of_the_file_and_hold_joints(tmp_path, capsys):
     assert f"rollout: note: {robot}: joints 'e', 'w'; plane with x along" in told and "held: 's' at 0.7" in told
     assert resimulation.main([str(log)]) == 0
     assert equations.main([str(robot), '--hold', 's', '--joint']) == 0
-    assert equations.main([str(log), '--hold', 's']) == 2 and '--hold is of a chain file' in capsys.readouterr().err
+    assert equations.main([str(log), '--hold', 's']) == 2 and '--hold is for chain files' in capsys.readouterr().err

@@ -165,7 +165,7 @@ def test_rows_beyond_the_end_are_left_out_and_told(tmp_path, capsys):
     np.savetxt(tmp_path / 'efforts.csv', np.ones((30, 5)), delimiter=',')
     arguments = [ROBOT, '--effort', str(tmp_path / 'efforts.csv'), '--output', str(tmp_path / 'run.mcap')]
     assert rollout.main([*arguments, '--duration', '0.02']) == 0
-    assert 'goes on for 10 ticks after the end, which are left out' in capsys.readouterr().out
+    assert 'has 10 ticks after the end, which are not used' in capsys.readouterr().out
     (tmp_path / 'run.mcap').unlink()
     assert rollout.main(arguments) == 0
     assert '0.03 s simulated' in capsys.readouterr().out
@@ -202,23 +202,23 @@ def test_table_that_does_not_fit_is_one_exact_sentence(tmp_path, monkeypatch, ca
 
 
 @pytest.mark.parametrize('arguments, sentence', [
-    (['--effort', 'colum_slide=1'], "--effort 'colum_slide=1' names 'colum_slide', no joint of four_link_robot "
-     f"(did you mean 'column_slide'?), must be some of {JOINTS}, each with =number"),
+    (['--effort', 'colum_slide=1'], "--effort 'colum_slide=1' names 'colum_slide', which is not a joint of "
+     f"four_link_robot (did you mean 'column_slide'?), must be some of {JOINTS}, each with =number"),
     (['--effort', 'column_slide=1,column_slide=2'],
      "--effort 'column_slide=1,column_slide=2' names 'column_slide' twice, must name it once"),
     (['--effort', 'column_slide=inf'],
      "--effort 'column_slide=inf'[column_slide] is inf, must be finite, a number in N"),
     (['--position', 'column_slide=90deg'],
      "--position 'column_slide=90deg'[column_slide] is 90deg, must be finite, a number in m"),
-    (['--position', 'up'], "--position 'up' is no list of numbers, must be 5 joined by commas, or joint=number for "
+    (['--position', 'up'], "--position 'up' is not a list of numbers, must be 5 joined by commas, or joint=number for "
      f'some of {JOINTS}'),
     (['--velocity', '-1,2'], f"--velocity '-1,2' has shape (2,), must have (5,): one number for each of {JOINTS}"),
     (['--tolerance', '1e-6', '--method', 'rk4'],
-     "--tolerance is of adaptive methods, but method 'rk4' has a fixed step"),
+     "--tolerance is for adaptive methods, but method 'rk4' has a fixed step"),
     (['--tolerance', '1e-300'], '--tolerance is 1e-300, must be a number between 1e-20 and 1'),
-    (['--duration', '1e300'], '--duration is 1e+300 s, must be below 2.14748e+09 s, which a time stamp of ROS holds'),
+    (['--duration', '1e300'], '--duration is 1e+300 s, must be below 2.14748e+09 s, the limit of ROS time stamps'),
     (['--duration', '3e9', '--step', '1e3'],
-     '--duration is 3e+09 s, must be below 2.14748e+09 s, which a time stamp of ROS holds'),
+     '--duration is 3e+09 s, must be below 2.14748e+09 s, the limit of ROS time stamps'),
 ])
 def test_argument_that_does_not_fit_is_one_exact_sentence(tmp_path, monkeypatch, capsys, arguments, sentence):
     monkeypatch.chdir(tmp_path)

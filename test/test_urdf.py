@@ -173,7 +173,7 @@ def test_a_slide_across_the_axes_and_a_turned_frame():
     ({'second': '0 0 0'}, "joint 'elbow' has the axis [0.0, 0.0, 0.0], must be a direction"),
     ({'axis': 'nan 1 0'}, "joint 'shoulder' has the axis [nan, 1.0, 0.0], must be a direction"),
     ({'axis': '0 1 o'}, "joint 'shoulder' has xyz '0 1 o', must be 3 numbers"),
-    ({'origin': 'inf 0 0'}, "joint 'elbow' has a place that is not finite"),
+    ({'origin': 'inf 0 0'}, "joint 'elbow' has a position that is not finite"),
     ({'center': '0 0'}, "link 'a' has xyz '0 0', must be 3 numbers"),
     ({'center': 'inf 0 0'}, "link 'a' has a mass centre that is not finite"),
     ({'origin': '0 0 0"/><mimic joint="shoulder'}, "joint 'elbow' mimics 'shoulder', must move on its own or be held"),
@@ -194,7 +194,7 @@ def test_what_is_no_planar_robot_is_refused_by_the_joint(changes, sentence):
     ('<robot name="&a;"/>', 'is not well-formed XML (undefined entity)'),
     ('<robot name="r"><link name="a"/>\n<link name="a"/></robot>', "has two links 'a', on lines 1 and 2"),
     ('<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="fixed"><parent link="b"/><child link="c"/>'
-     '</joint></robot>', "joint 'j' has the child 'c', of which the robot has none"),
+     '</joint></robot>', "joint 'j' has the child 'c', which the robot does not have"),
     ('<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="fixed"><parent link="b"/></joint></robot>',
      "joint 'j' has no child, must join two links"),
     ('<robot name="r"><link name="o"/><link name="a"/><link name="b"/>'

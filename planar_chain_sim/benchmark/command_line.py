@@ -21,14 +21,15 @@ class Suite(NamedTuple):
 
 SUITES = {
     'work-precision': Suite('work_precision', 'CPU time against error on named problems, every method and every peer'),
-    'references': Suite('references', 'where the named problems end, by two integrations in many digits; minutes'),
+    'references': Suite('references',
+                        'final states of the named problems, by two integrations in many digits; takes minutes'),
     'step-time': Suite('step_time', 'one evaluation and one step of serial chains of 1 to 512 links, with peers'),
     'calls': Suite('calls', 'every call from Python against the time of its kernel, and Pinocchio called from Python'),
     'scaling': Suite('scaling', 'evaluation, load time and memory of serial chains of up to 4096 links'),
     'skipping': Suite('skipping', 'what each feature of a scene costs, and what its absence saves'),
     'batch': Suite('batch', 'many states at once: evaluations and steps per core-second, with peers'),
     'energy': Suite('energy_drift', 'energy error of the double pendulum over 1000 s, and its growth with time'),
-    'stability': Suite('stability', 'scenes that try to break the integrator, and what must hold, with MuJoCo'),
+    'stability': Suite('stability', 'scenes that try to break the integrator, checked against limits, with MuJoCo'),
     'node': Suite('node_load', 'the ROS 2 node: time to the first joint_states, CPU share and lateness at 1 kHz'),
 }
 NOT_OF_ALL = ('references', 'stability', 'node')   # the first two take long, the last needs ROS 2
@@ -105,17 +106,17 @@ def run_suite(name: str, table_file: Optional[Path], picture: Optional[Path], qu
 
 def _benchmark(arguments) -> int:
     suites = '\n'.join(f'  {name}: {suite.text}' for name, suite in SUITES.items())
-    parser = Parser('benchmark', f'Measure and print:\n{suites}\n  all: all of these but {", ".join(NOT_OF_ALL)}',
+    parser = Parser('benchmark', f'Measure and print:\n{suites}\n  all: all of these except {", ".join(NOT_OF_ALL)}',
                     'benchmark work-precision --csv work_precision.csv --picture work_precision.svg')
-    parser.add_argument('suite', choices=(*SUITES, 'all'), metavar='SUITE', help='one of those above')
+    parser.add_argument('suite', choices=(*SUITES, 'all'), metavar='SUITE', help='one of the suites above')
     parser.add_argument('--csv', metavar='FILE', type=Path, help='write the table to this file too')
-    parser.add_argument('--picture', metavar='FILE', type=Path, help='draw it: PNG or SVG by the ending')
-    parser.add_argument('--folder', metavar='FOLDER', type=Path, help='of `all`: for the CSVs and pictures')
-    parser.add_argument('--peers', metavar='NAMES', help='of the other libraries only these, as A,B; or none')
-    parser.add_argument('--quick', action='store_true', help='few and coarse settings: to see that it runs')
+    parser.add_argument('--picture', metavar='FILE', type=Path, help='draw the table; the ending chooses PNG or SVG')
+    parser.add_argument('--folder', metavar='FOLDER', type=Path, help='for `all`: where CSVs and pictures go')
+    parser.add_argument('--peers', metavar='NAMES', help='measure only these other libraries, as A,B; or none')
+    parser.add_argument('--quick', action='store_true', help='few and coarse settings, to check that it runs')
     options = parser.parse_args(arguments)
     if (options.suite == 'all') != (options.folder is not None):
-        raise Mistake('--folder goes with `all`, which wants it')
+        raise Mistake('--folder is required by `all` and is for it alone')
     if options.suite == 'all' and (options.csv or options.picture):
         raise Mistake('--csv and --picture go with one suite, `all` takes --folder')
     if options.picture and not hasattr(_module(options.suite), 'draw'):

@@ -87,8 +87,9 @@ def by_joint(text: str, name: str, chain: Chain, otherwise: np.ndarray, units: t
         joint, _, number = field.rpartition('=') if named else (joints[k], '', field)
         joint = joint.strip()
         if joint not in joints:
-            raise Mistake(f'{name} names {clipped(joint)!r}, no joint of {chain.name}{suggestion(joint, joints)}, must '
-                          f'be some of {clipped(", ".join(joints), 200)}, each with =number')
+            raise Mistake(f'{name} names {clipped(joint)!r}, which is not a joint of {chain.name}'
+                          f'{suggestion(joint, joints)}, must be some of {clipped(", ".join(joints), 200)}, each with '
+                          '=number')
         if joint in given:
             raise Mistake(f'{name} names {joint!r} twice, must name it once')
         given.add(joint)

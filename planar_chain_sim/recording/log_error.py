@@ -15,4 +15,4 @@ def require_mcap(path) -> None:
     missing = [name for name in NEEDED if find_spec(name) is None]
     if missing:
         raise LogError(f'log {str(path)!r}: logs need the Python package {missing[0]}, which is not installed; '
-                       '`rosdep install --from-paths . --ignore-src` or `pip install mcap` does that')
+                       'run `rosdep install --from-paths . --ignore-src` or `pip install mcap`')

@@ -130,11 +130,11 @@ class LogWriter:
         if not mine.st_nlink:
             return f'{name}: the file has been deleted, what is recorded will be lost'
         if there is None:
-            return f'{name}: the file has been moved away, recording goes on into it where it is now'
+            return f'{name}: the file has been moved, recording continues in it at its new place'
         if not os.path.samestat(mine, there):
-            return f'{name}: another file has this name now, recording goes on into the first one where it is now'
+            return f'{name}: another file has this name now, recording continues in the first one'
         if self._cut or mine.st_size < self._written:
-            return f'{name}: somebody has cut the file short, the log is damaged'
+            return f'{name}: the file has been cut short, the log is damaged'
         return ''
 
     def close(self) -> None:

@@ -120,14 +120,15 @@ def main(arguments=None) -> int:
 
 
 def _parser() -> Parser:
-    parser = Parser('rollout', 'Simulate a chain with no ROS graph, as fast as the machine goes, into an MCAP log.',
+    parser = Parser('rollout', 'Simulate a chain without ROS, as fast as the machine allows, and write an MCAP log.',
                     'rollout config/four_link_robot.yaml --duration 20 --output swing.mcap')
-    parser.add_argument('chain', help="chain file; relative to the working directory, else to the package's config")
+    parser.add_argument('chain', help='chain file (YAML, URDF or MJCF); relative to the working directory, else to '
+                        "the package's config")
     add_hold(parser)
     parser.add_argument('--output', metavar='LOG',
-                        help="new MCAP file; default: the chain file's name with .mcap, here")
+                        help="new MCAP file; default: the chain file's name with .mcap, in the working directory")
     parser.add_argument('--duration', type=float, metavar='S',
-                        help='simulated time, s; default: 10, or what a file of efforts covers')
+                        help='simulated time, s; default: 10, or the time that a file of efforts covers')
     parser.add_argument('--step', type=float, default=1e-3, metavar='S', help='tick, s; default 0.001')
     parser.add_argument('--method', default='auto', choices=['auto', *METHODS], metavar='M',
                         help=f'{", ".join(METHODS)}; default auto')
@@ -137,11 +138,12 @@ def _parser() -> Parser:
                         'order of the joints, or joint=number for some of them; an angle also as 90deg or pi/2; '
                         "default: the chain file's")
     parser.add_argument('--velocity', metavar='V', help='initial velocities, rad/s or m/s, in the same way')
-    parser.add_argument('--effort', metavar='E', help='joint efforts, N m or N: numbers joined by commas or '
-                        'joint=number, held; or a file, .npy or text, with a row per tick. A text file may have a '
-                        'header with the names of joints and a column time, s, from which its rows act; a joint that '
-                        'is not named has no effort. Default: none')
-    parser.add_argument('--compression', default='none', choices=sorted(COMPRESSIONS), help='of the log; default none')
+    parser.add_argument('--effort', metavar='E', help='joint efforts, N m or N: constant ones, as numbers joined '
+                        'by commas or joint=number; or a .npy or text file with a row per tick. A text file can have '
+                        'a header with the names of joints, and a column time, s, at which each row begins to act. A '
+                        'joint that is not named has no effort. Default: none')
+    parser.add_argument('--compression', default='none', choices=sorted(COMPRESSIONS), help='compression of the '
+                        'log; default none')
     return parser
 
 
@@ -170,7 +172,7 @@ def _rollout_to_file(arguments) -> int:
 def _simulation(options, chain) -> Simulation:
     """Return the simulation that the options ask for, at its initial state; Mistake."""
     if options.tolerance is not None and options.method != 'auto' and not METHODS[options.method].adaptive:
-        raise Mistake(f'--tolerance is of adaptive methods, but method {options.method!r} has a fixed step')
+        raise Mistake(f'--tolerance is for adaptive methods, but method {options.method!r} has a fixed step')
     try:
         simulation = Simulation(chain, options.method, options.step, options.tolerance)
     except ChainError:
@@ -184,7 +186,7 @@ def _simulation(options, chain) -> Simulation:
             name = f'--{quantity} {clipped(text, 200)!r}'
             values = by_joint(text, name, chain, state[k], units, angles=True)
             if values is None:
-                raise Mistake(f'{name} is no list of numbers, must be {chain.joint_count} joined by commas, or '
+                raise Mistake(f'{name} is not a list of numbers, must be {chain.joint_count} joined by commas, or '
                               f'joint=number for some of {clipped(", ".join(chain.joint_names), 200)}')
             state[k] = values
     try:
@@ -203,13 +205,13 @@ def _ticks(options, step: float, effort) -> tuple:
     except ValueError as error:
         raise Mistake(f'--{error}') from None
     if not ticks * step < LONGEST:
-        raise Mistake(f'--duration is {ticks * step:g} s, must be below {LONGEST:g} s, which a time stamp of ROS holds')
+        raise Mistake(f'--duration is {ticks * step:g} s, must be below {LONGEST:g} s, the limit of ROS time stamps')
     if table is None:
         return ticks, effort
     rows = table.by_tick(ticks, step, f'--effort {clipped(options.effort, 200)!r}')
     spare = table.ticks(step) - ticks
     if spare > 0:
-        tell(f'--effort {clipped(options.effort, 200)!r} goes on for {spare} ticks after the end, which are left out')
+        tell(f'--effort {clipped(options.effort, 200)!r} has {spare} ticks after the end, which are not used')
     return ticks, rows
 
 

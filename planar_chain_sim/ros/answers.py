@@ -63,11 +63,11 @@ class Answers:
     def _why(self, command: Command, answers: bool) -> tuple[str, str]:
         """Return why a command, or a part of it, is no answer to the state outstanding: reason, sentence."""
         if answers:
-            return 'second answer', 'is for joints that have their command for this state, and the first one stands'
+            return 'second answer', 'is for joints that already have a command for this state; the first one counts'
         if command.stamp is None:
-            return 'early answer', 'had come before the state was shown that now waits for an answer'
+            return 'early answer', 'came before the state that waits for an answer was published'
         if not command.stamp:
-            return 'no stamp', 'has no stamp, in lockstep it must echo that of the state it answers'
+            return 'no stamp', 'has no stamp, in lockstep it must repeat that of the state it answers'
         what = 'an earlier state' if command.stamp < self.stamp else 'no state that was shown'
         return 'other stamp', (f'has the stamp {command.stamp * 1e-9:.9g} s, which is that of {what}: in lockstep it '
-                               f'must echo that of the state it answers, now {self.stamp * 1e-9:.9g} s')
+                               f'must repeat that of the state it answers, now {self.stamp * 1e-9:.9g} s')

@@ -52,8 +52,8 @@ def unheard(ros: Sequence[str], full_name: str) -> Iterator[str]:
         if flag == '--params-file':
             headings = list(_headings(_text(value)))
             if headings and not any(_matches(heading, full_name) for heading in headings):
-                yield (f'parameter file {value!r} has nothing for this node, {full_name}, but for '
-                       f"{', '.join(headings[:8])}: head it '{full_name}:' or '/**:'")
+                yield (f'parameter file {value!r} has nothing for this node, {full_name}, only for '
+                       f"{', '.join(headings[:8])}: use the heading '{full_name}:' or '/**:'")
         elif flag in ('-p', '--param'):
             rule = NODE_RULE.fullmatch(value)
             if rule and rule.group(1) != full_name.rpartition('/')[2]:

@@ -100,7 +100,7 @@ class CommandReader:
                                'commanded_joints must name the joints that the efforts are for, in order')
         if count != len(commanded) or tuple(name for name in names if name in commanded) != commanded:
             raise CommandError('wrong length',
-                               f'it has {count} efforts for the names {", ".join(names[:32])}, which does not go with '
+                               f'it has {count} efforts for the names {", ".join(names[:32])}, which does not fit '
                                f'the parameter commanded_joints: {", ".join(commanded[:32])}')
         return commanded
 

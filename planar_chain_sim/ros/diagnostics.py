@@ -72,8 +72,8 @@ class Diagnostics:
             joints, seconds = measured.waiting
             values['waiting for commands for'] = ', '.join(joints[:32])
             if seconds >= PERIOD:
-                return self._status('simulation', WARN, f'waits for a command for {", ".join(joints[:32])} since '
-                                    f'{seconds:.3g} s', values)
+                return self._status('simulation', WARN, f'waiting for a command for {", ".join(joints[:32])}, for '
+                                    f'{seconds:.3g} s so far', values)
             sentence = 'in lockstep with its controllers'
         return self._status('simulation', OK, sentence + (f', {missed} ticks came late' if missed else ''), values)
 
@@ -90,7 +90,7 @@ class Diagnostics:
 
     def _network(self) -> DiagnosticStatus:
         faults = self._neighbours.faults
-        return self._status('network', WARN if faults else OK, faults[0] if faults else 'nobody is in the way',
+        return self._status('network', WARN if faults else OK, faults[0] if faults else 'no faults',
                             {f'fault {place}': fault for place, fault in enumerate(faults, 1)})
 
     def _log_state(self) -> DiagnosticStatus:

@@ -12,7 +12,7 @@ Lead the simulator's arm along a swing, by computed torque: each joint from wher
 
 It answers every joint_states with efforts on simulator/joint_commands, in lockstep too. Parameters: chain_file, the one
 that the simulator has; amplitude (rad; a slide gets a fifth of it in m), period (s), bandwidth (rad/s).
-SIGINT and SIGTERM end it with exit code 0; a mistake is told in one sentence, exit code 2."""
+SIGINT and SIGTERM end it with exit code 0. A mistake ends it with one sentence and exit code 2."""
 EXAMPLE = 'example_controller --ros-args -p amplitude:=0.8 -p period:=3.0'
 REPORT_PERIOD = 2.0  # s of stamped time between two sentences about the error
 

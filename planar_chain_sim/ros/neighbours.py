@@ -43,17 +43,17 @@ class Neighbours:
                 key, who = (topic, tuple(other.endpoint_gid)), f'a publisher of {named(other)} on {topic}'
                 if other.topic_type != wanted:
                     yield key, topic, 'other type', (f'{who} has the type {other.topic_type}, must be {wanted}: '
-                                                     'nothing of it arrives')
+                                                     'its messages do not arrive')
                 elif own_end in self._inputs.values():
                     fits, why = qos_check_compatible(other.qos_profile, own_end.qos_profile)
                     if fits == QoSCompatibility.ERROR:
                         why = why.replace('ERROR: ', '').rstrip('; ')
                         yield key, topic, 'other QoS', (
-                            f'nothing of {who} arrives ({why}): let it be reliable, or start this node with '
+                            f'messages from {who} do not arrive ({why}): make it reliable, or start this node with '
                             f'-p qos_overrides.{topic}.subscription.reliability:=best_effort')
             if topic == '/clock' and len(others) > 1:
                 yield topic, topic, 'second clock', (f'{len(others)} nodes publish /clock, '
-                                                     f'{", ".join(map(named, others))}: time jumps for who listens')
+                                                     f'{", ".join(map(named, others))}: listeners see time jump')
 
 
 def type_name(message: type) -> str:

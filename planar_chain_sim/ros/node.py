@@ -14,7 +14,7 @@ A planar chain of rigid bodies, simulated in real time as a ROS 2 node.
 
 It publishes joint_states, takes efforts on ~/commands (joint order) and ~/joint_commands (by name), and answers
 ~/reset, ~/pause and ~/step. `ros2 param describe /simulator NAME` explains a parameter.
-SIGINT, SIGTERM and SIGHUP end it with exit code 0; a mistake is told in one sentence, exit code 2."""
+SIGINT, SIGTERM and SIGHUP end it with exit code 0. A mistake ends it with one sentence and exit code 2."""
 EXAMPLE = 'simulator seven_link_arm.yaml --ros-args -p record:=run.mcap -r __ns:=/arm'
 
 SWITCH_INTERVAL = 1e-4  # s; at Python's usual 5 ms the log's thread or a service could hold a tick up for that long
@@ -57,7 +57,7 @@ def parse(arguments) -> dict:
     """Return the parameters that the command line gives besides those of ROS; Mistake on what is no argument."""
     from ..command_line import add_hold, Parser
     parser = Parser('simulator', DESCRIPTION, EXAMPLE)
-    parser.add_argument('chain', nargs='?', help='chain file, YAML or URDF: the parameter chain_file')
+    parser.add_argument('chain', nargs='?', help='chain file (YAML, URDF or MJCF); sets the parameter chain_file')
     add_hold(parser)
     if not {'-h', '--help'}.isdisjoint(arguments):
         from .parameters import parameter_table
@@ -163,7 +163,7 @@ def serve(node, ending, stop, simulator, chain, urdf, values, log, ends) -> None
         from .markers import marker_array, PERIOD as MARKER_PERIOD
         frame_id = values['frame_id'] or frames.root
         if frame_id not in frames.links:
-            node.get_logger().warning(f"parameter 'frame_id' is {frame_id!r:.80}, no link of the robot: markers are "
+            node.get_logger().warning(f"parameter 'frame_id' is {frame_id!r:.80}, not a link of the robot: markers are "
                                       f'drawn in it as in {frames.root!r:.80}')
         services.every(MARKER_PERIOD, lambda: simulator.hold_ups.during(
             publishers['markers'].publish, marker_array(chain, frames, *simulator.seen, frame_id)))

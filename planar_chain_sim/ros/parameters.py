@@ -18,22 +18,25 @@ from ..quantities import changed_chain, QUANTITIES
 Value = Union[bool, float, str, list]
 NUMBERS, TEXTS = 'DOUBLE_ARRAY', 'STRING_ARRAY'   # types are named as in rclpy.parameter.Parameter.Type
 TYPES = {bool: 'BOOL', float: 'DOUBLE', str: 'STRING', list: TEXTS}
-WANTED = {'BOOL': 'true or false', 'DOUBLE': 'a number', 'STRING': 'a text', NUMBERS: 'a list of numbers',
-          TEXTS: 'a list of texts'}
+WANTED = {'BOOL': 'true or false', 'DOUBLE': 'a number', 'STRING': 'a string', NUMBERS: 'a list of numbers',
+          TEXTS: 'a list of strings'}
 TINY = re.compile(r'[-+]?\d+\.?\d*[eE][-+]?\d+')   # beyond 1e-308 and 1e308 ROS takes a number for a text
 FARTHEST = 1e6   # m; what is welded on farther out has an inertia beside which all else is rounding
 
 
 class Row(NamedTuple):
     """
-    A parameter; its type is that of its default, or a list, `of_chain`: (type, default by the chain).
+    A parameter; its type is that of its default.
+
+    A list that depends on the chain has `of_chain`: (type, default by the chain); its `default` is then only a
+    description.
 
     `limits`: least and greatest number, of each number of a list; `smallest`: least number but 0. `choices`: of a text.
     `live`: may be set while the node runs.
     """
 
     name: str
-    default: Optional[Value]
+    default: Value
     description: str
     limits: Optional[tuple[float, float]] = None
     choices: tuple[str, ...] = ()
@@ -57,47 +60,48 @@ class Row(NamedTuple):
 PARAMETERS = (
     Row('chain_file', 'four_link_robot.yaml',
         'Chain to simulate (YAML, or URDF or MJCF of a planar robot); a relative path is looked for in the working '
-        "directory, then in the package; 'robot_description' waits for the URDF on that topic."),
-    Row('hold', [], "Joints of it that are welded: 'joint' where it is at the start, 'joint=value' there (rad or m)."),
+        "directory, then in the package. With 'robot_description' the node waits for the URDF on that topic."),
+    Row('hold', [], "Joints to weld: 'joint' at its initial position, 'joint=value' at the value (rad or m)."),
     Row('method', 'auto', "Integration method, or 'auto'.", choices=('auto', *METHODS)),
-    Row('rate', 1000.0, 'Ticks per simulated second: commands act and states are logged by ticks.', (1.0, 1e5),
+    Row('rate', 1000.0, 'Ticks per simulated second. Commands act at ticks, and each tick is logged.', (1.0, 1e5),
         unit='Hz'),
     Row('tolerance', 0.0, 'Bound of the estimated local error per step of an adaptive method, relative to '
-        'max(1, |value|); 0 stands for 1e-9, and is a must where the method has a fixed step.', (0.0, 1.0),
+        'max(1, |value|). 0 means 1e-9; a method of fixed step needs 0.', (0.0, 1.0),
         smallest=LEAST_TOLERANCE),
-    Row('publish_rate', 0.0, 'States published per simulated second: rate divided by a whole number; default or 0: '
+    Row('publish_rate', 0.0, 'States published per simulated second; must be rate divided by a whole number. 0 means '
         'rate.', (0.0, 1e5), unit='Hz', smallest=1e-3),
     # At 1e-6 and 1 Hz a tick takes 11 days.
     Row('real_time_factor', 1.0, 'Simulated seconds per second of wall time; 0: as fast as possible.', (0.0, 1e3),
         live=True, unit='s/s', smallest=1e-6),
     Row('start_paused', False, 'Start paused, so that nothing falls before a controller is there.'),
-    Row('lockstep', False, 'Publish a state, advance only when every joint of lockstep_joints has a command for it.'),
-    Row('command_timeout', 0.0, 'Time after which a joint that gets no command any more has zero effort, simulated; '
-        'in lockstep wall time after which silence is reported; 0: never.', (0.0, 1e6), live=True, unit='s'),
+    Row('lockstep', False, 'Publish a state, then wait until every joint of lockstep_joints has a command for it.'),
+    Row('command_timeout', 0.0, 'Simulated time without a new command after which a joint gets zero effort; 0: never. '
+        'In lockstep: wall time after which missing commands are reported; 0: 1 s.', (0.0, 1e6), live=True, unit='s'),
     Row('on_controller_loss', 'zero', "Efforts when the last publisher of commands has gone: 'zero' or 'hold'.",
         choices=('zero', 'hold'), live=True),
     Row('payload_mass', 0.0, 'Mass of the payload that payload_body carries; 0: none.', (0.0, 1e9), live=True,
         unit='kg', smallest=1e-12),
     Row('payload_body', '', 'Body that carries the payload; empty: the last one of the chain.'),
-    Row('payload_position', None, 'Where the payload has its mass centre, [x, y] in the frame of that body.',
+    Row('payload_position', '[0.0, 0.0]', 'Mass centre of the payload, [x, y] in the frame of that body.',
         (-FARTHEST, FARTHEST), of_chain=(NUMBERS, lambda chain: [0.0, 0.0]), unit='m'),
     Row('publish_clock', False, 'Publish simulated time on /clock and stamp states with it.'),
     Row('publish_markers', False, 'Publish the bodies on ~/markers, 30 times a second at most.'),
-    Row('publish_tf', False, 'Publish the frames of all links on /tf and /tf_static, 50 times a second at most; for '
-        'use without robot_state_publisher.'),
+    Row('publish_tf', False, 'Publish the frames of all links on /tf and /tf_static, 50 times a second at most, when '
+        'no robot_state_publisher runs.'),
     Row('publish_robot_description', True, "Publish the chain's URDF on robot_description."),
-    Row('frame_id', '', "header.frame_id of the joint states and the markers, which are drawn in that link's frame: "
-        'world (the plane stands upright), base_link (it is x-y there) or a body; empty: world for markers.'),
+    Row('frame_id', '', 'header.frame_id of joint states and markers. Markers are drawn in that frame: world (the '
+        'plane stands upright), base_link (the plane is x-y) or a body; empty: world, for markers only.'),
     Row('record', '', 'MCAP log to write, a new file; empty: no log.'),
-    Row('record_flush_period', 0.5, 'Time of log that a killed process can lose at most.', (0.01, 3600.0), unit='s'),
-    Row('on_log_failure', 'go_on', 'When the log can be written no more, as on a full disk: tell it and go on, or stop '
-        'with exit code 2.', choices=('go_on', 'stop')),
+    Row('record_flush_period', 0.5, 'Longest part of the log that is lost when the process is killed.', (0.01, 3600.0),
+        unit='s'),
+    Row('on_log_failure', 'go_on', 'What to do when the log cannot be written, as on a full disk: report it and go on, '
+        'or stop with exit code 2.', choices=('go_on', 'stop')),
     Row('record_compression', 'none', 'Compression of the log.', choices=('none', 'lz4', 'zstd')),
-    Row('lockstep_joints', None, 'Joints whose commands lockstep waits for; default or empty: all.',
+    Row('lockstep_joints', 'all joints', 'Joints whose commands lockstep waits for; an empty list means all.',
         of_chain=(TEXTS, lambda chain: list(chain.joint_names))),
-    Row('commanded_joints', None, 'Names that the efforts of a JointState with fewer efforts than names are for, in '
-        'order; default or empty: such a message is refused.', of_chain=(TEXTS, lambda chain: [])),
-    *(Row(name, None, f'{name.replace("_", " ").capitalize()}: {quantity.unit.partition(", ")[2]}.', live=True,
+    Row('commanded_joints', '[]', 'For a JointState with fewer efforts than names: the joints that its efforts are '
+        'for, in order. With an empty list such a message is rejected.', of_chain=(TEXTS, lambda chain: [])),
+    *(Row(name, "the chain's", f'{name.replace("_", " ").capitalize()}: {quantity.unit.partition(", ")[2]}.', live=True,
           unit=quantity.unit.partition(', ')[0], of_chain=(NUMBERS, quantity.get))
       for name, quantity in QUANTITIES.items()),
 )
@@ -108,7 +112,7 @@ def parameter_table(rows=PARAMETERS, width: int = 80) -> str:
     """Return the parameters as a text of at most `width` columns: name, default, live or not, unit; the meaning."""
     cells = [('parameter', 'default', 'live', 'unit')]
     for row in rows:
-        default = "the chain's" if row.of_chain else str(row.default)
+        default = str(row.default)
         default = default.lower() if row.type == 'BOOL' else default or "''"
         cells.append((row.name, default, 'yes' if row.live else 'no', row.unit))
     names, defaults = (max(len(cell[column]) for cell in cells) + 2 for column in (0, 1))
@@ -147,7 +151,7 @@ def checked(row: Row, value) -> Value:
     if row.choices and value not in row.choices:
         raise Mistake(f'parameter {row.name!r} is {value!r:.80}, must be one of {", ".join(map(repr, row.choices))}')
     if row.type == 'STRING' and '\0' in value:
-        raise Mistake(f'parameter {row.name!r} is {value!r:.80}, must be a text without NUL')
+        raise Mistake(f'parameter {row.name!r} is {value!r:.80}, must be a string without NUL')
     return value
 
 

@@ -12,7 +12,7 @@ DESCRIPTION = """\
 Publish a log's recorded commands, or its states, at the pace at which they were recorded.
 
 Messages go out as the recorded bytes, stamps included, on the recorded topics, which can be remapped.
-SIGINT and SIGTERM end it with exit code 0; a mistake is told in one sentence, exit code 2."""
+SIGINT and SIGTERM end it with exit code 0. A mistake ends it with one sentence and exit code 2."""
 EXAMPLE = 'replay run.mcap --what states --speed 0.5 --loop --ros-args -r joint_states:=ghost/joint_states'
 
 LOOK_PERIOD = 0.02  # s between two looks for listeners, and the shortest loop
@@ -53,12 +53,14 @@ def parse(arguments):
     from ..command_line import Mistake, Parser
     parser = Parser('replay', DESCRIPTION, EXAMPLE)
     parser.add_argument('log', help='MCAP log of the simulator or of rollout')
-    parser.add_argument('--what', choices=('commands', 'states'), default='commands', help='default commands')
-    parser.add_argument('--speed', type=float, default=1.0, metavar='F', help='times the recorded pace; default 1')
+    parser.add_argument('--what', choices=('commands', 'states'), default='commands',
+                        help='what to publish; default commands')
+    parser.add_argument('--speed', type=float, default=1.0, metavar='F',
+                        help='multiple of the recorded pace; default 1')
     parser.add_argument('--loop', action='store_true', help='begin again at the end')
     parser.add_argument('--start', type=float, default=0.0, metavar='S', help='skip this much of the log, s')
     parser.add_argument('--wait', type=float, default=3.0, metavar='S',
-                        help='wait for listeners on every topic, s at most; default 3')
+                        help='longest time to wait for listeners on every topic, s; default 3')
     options = parser.parse_args(arguments)
     if not 0.0 < options.speed < float('inf'):
         raise Mistake(f'--speed is {options.speed}, must be a finite number > 0')

@@ -133,7 +133,7 @@ class Simulator:
         try:
             return request.reply.get_nowait()
         except Empty:
-            return False, (f'still under way after {ANSWER_TIMEOUT:g} s: a tick takes long; it will be done, and told '
+            return False, (f'still under way after {ANSWER_TIMEOUT:g} s, as a tick takes long; the result follows '
                            'in the log and on ~/events')
 
     @property
@@ -197,7 +197,7 @@ class Simulator:
             request.reply.put(answer)
             if request.late and request.what not in WITHDRAWN:
                 done = f'{answer[1]} ticks' if request.what == 'step_on' and answer[0] else answer[1]
-                self._logger.info(f'{request.what} of a while ago: {done}')
+                self._logger.info(f'late answer to {request.what}: {done}')
 
     def _stand(self, now: int) -> None:
         """Show the state that stands, again and again, and take commands for when it goes on."""
@@ -245,8 +245,8 @@ class Simulator:
         held_up = self.hold_ups.total - self._made_up
         if held_up > self._told_of:
             self._publication.event('held_up', seconds=(held_up - self._told_of) * 1e-9)
-            self._warn('held up', f'publishing was held up for {held_up * 1e-9:.3f} s by the middleware, as happens '
-                       'when others join; the ticks since then are made up for, none is dropped')
+            self._warn('held up', f'the middleware held up publishing for {held_up * 1e-9:.3f} s, as happens when '
+                       'others join; the node catches up, no tick is dropped')
         self._told_of = held_up
         if late > LONGEST_LATENESS + held_up:
             self._drop_time(now)

@@ -36,4 +36,4 @@ class WrenchReader:
                 raise CommandError('not finite', f'its wrench on {frame_id} has the value {value}, must be finite')
         across = force[2] or torque[0] or torque[1]
         return ({'body': frame_id, 'force': list(force[:2]), 'moment': torque[2], 'axes': 'body'},
-                'has a force along z or a torque about x or y, which the bearings take' if across else '')
+                'has a force along z or a torque about x or y, which has no effect' if across else '')

@@ -30,25 +30,25 @@ def main(arguments=None) -> int:
 def _parser() -> Parser:
     parser = Parser(
         'equations', "Print a chain's equations of motion by the path-matrix method, (5.87) for every angle and (5.88) "
-        'for every slide;\nat a state, what each of their terms contributes there, by size.',
+        'for every slide.\nAt a state, print what each of their terms contributes, largest first.',
         'equations config/four_link_robot.yaml --trigonometric\n'
         '  equations config/four_link_robot.yaml --state initial --picture terms.png\n'
         '  equations config/double_pendulum.yaml --joint --state 0.5,-0.2/1.0,0/0,0.3 --coordinate upper_joint')
-    parser.add_argument('chain', metavar='CHAIN', help='chain file; relative to the working directory, else to the '
-                        "package's config; or a log (.mcap), which holds its chain")
+    parser.add_argument('chain', metavar='CHAIN', help='chain file (YAML, URDF or MJCF); relative to the working '
+                        "directory, else to the package's config; or a log (.mcap), which contains its chain")
     add_hold(parser)
     parser.add_argument('--format', default='text', choices=list(FORMATS), help='default text')
     parser.add_argument('--joint', action='store_true', help='in joint coordinates; default: in absolute angles')
     parser.add_argument('--trigonometric', action='store_true', help='sines and cosines instead of scalar products')
     parser.add_argument('--numeric', action='store_true', help='numbers instead of symbols, like terms added')
-    parser.add_argument('--coordinate', metavar='NAME', help='this equation alone: of a joint by its name, or phi1, x1')
-    parser.add_argument('--state', metavar='S', help='what each term contributes at this state: POSITION, '
+    parser.add_argument('--coordinate', metavar='NAME', help='only this equation: the name of a joint, or phi1, x1')
+    parser.add_argument('--state', metavar='S', help='print what each term contributes at this state: POSITION, '
                         'POSITION/VELOCITY or POSITION/VELOCITY/EFFORT of the joints, numbers joined by commas in the '
-                        "order of the file; or 'initial', the chain file's state. Accelerations follow from it")
-    parser.add_argument('--time', type=float, metavar='S', help='of a log: the state of the tick next to this '
-                        'simulated time, s, and the effort that led to it')
-    parser.add_argument('--picture', metavar='FILE', help='draw it too, PNG or SVG by the ending: the equations, or '
-                        'with a state bars of the terms')
+                        "order of the file; or 'initial', the chain file's state. Accelerations are computed from it")
+    parser.add_argument('--time', type=float, metavar='S', help='for a log: the state of the tick nearest to '
+                        'this simulated time, s, and the effort that led to it')
+    parser.add_argument('--picture', metavar='FILE', help='also draw the equations, or with a state bars of the '
+                        'terms; the ending chooses PNG or SVG')
     return parser
 
 
@@ -57,7 +57,7 @@ def _equations(arguments) -> int:
     if options.picture is not None and Path(options.picture).suffix not in PICTURES:
         raise Mistake(f'--picture {options.picture!r}: must end in {" or ".join(map(repr, PICTURES))}')
     if options.time is not None and options.state is not None:
-        raise Mistake('--state and --time are two states, must be one')
+        raise Mistake('--state and --time both give a state, must be one of them')
     chain, state, title = _chain_and_state(options)
     made = equations(chain, 'joint' if options.joint else 'absolute', options.trigonometric, options.numeric)
     chosen = None if options.coordinate is None else [_choose(made, options.coordinate)]
@@ -122,7 +122,8 @@ def read_state(text: str, chain: Chain) -> tuple:
         try:
             values = [float(number) for number in field.split(',')]
         except ValueError as error:
-            raise Mistake(f'--state {clipped(text)!r}: {quantity} is no list of numbers ({error}), {wanted}') from None
+            raise Mistake(f'--state {clipped(text)!r}: {quantity} is not a list of numbers ({error}), '
+                          f'{wanted}') from None
         if len(values) != chain.joint_count:
             raise Mistake(f'--state {clipped(text)!r}: {quantity} has {len(values)} numbers, must have '
                           f'{chain.joint_count}, for {clipped(", ".join(chain.joint_names), 200)}')

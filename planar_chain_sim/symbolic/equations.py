@@ -63,7 +63,7 @@ class Equations(Sequence):
                 return names.index(name)
         joints = [unknown.joint for unknown in self.unknowns]
         symbols = ', '.join(unknown.name for unknown in self.unknowns[:6]) + (', ...' if len(self) > 6 else '')
-        raise KeyError(f"coordinate '{clipped(name)}' is none of this chain{suggestion(name, joints)}, must be the "
+        raise KeyError(f"coordinate '{clipped(name)}' is not one of this chain{suggestion(name, joints)}, must be the "
                        f'name of a joint or a symbol as {symbols}')
 
     def symbols(self, chosen: Optional[Iterable[Equation]] = None) -> dict[str, Symbol]:
