@@ -452,7 +452,7 @@ def test_a_parameter_file_for_another_node_is_told_and_no_other(context, heading
         node.destroy_node()
     assert bool(told) != heard
     if told:
-        assert f"head it '{name}:' or '/**:'" in told[0]
+        assert f"use the heading '{name}:' or '/**:'" in told[0]
 
 
 def test_the_node_itself_tells_of_a_file_for_another(tmp_path):
