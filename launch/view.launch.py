@@ -1,5 +1,5 @@
 """
-The simulator, robot_state_publisher and RViz, the last two where they are installed.
+Starts the simulator, robot_state_publisher and RViz; the last two if they are installed.
 
 ros2 launch planar_chain_sim view.launch.py chain:=seven_link_arm.yaml rviz:=false
 """
@@ -29,7 +29,7 @@ def installed(package):
 
 
 def description_of(chain):
-    """Return the URDF of a chain file: a URDF itself as it stands."""
+    """Return the URDF of a chain file; a URDF is returned unchanged."""
     from planar_chain_sim.chain_yaml import find_chain_file, load_chain
     from planar_chain_sim.urdf_writer import urdf_of
     if chain.endswith('.urdf'):

@@ -153,7 +153,7 @@ def momentum(chain: Chain, position, velocity) -> tuple[np.ndarray, np.ndarray]:
     """
     Return linear momentum of the bodies, (..., 2), kg m/s, and angular about the origin of the base, (...,), kg m^2/s.
 
-    Rotors that `armature` stands for have none here. ValueError: bad shape, non-finite value.
+    The rotors that `armature` describes are not included. ValueError: bad shape, non-finite value.
     """
     motion = _Motion(chain, *_joint_rows(chain, position=position, velocity=velocity))
     mass, inertia = (np.array([getattr(body, name) for body in chain.bodies]) for name in ('mass', 'inertia_com'))
@@ -163,9 +163,9 @@ def momentum(chain: Chain, position, velocity) -> tuple[np.ndarray, np.ndarray]:
 
 def reaction_forces(chain: Chain, position, velocity, effort) -> np.ndarray:
     """
-    Return what carriers exert on bodies at their joint points: force x, y, N, and moment, N m, (..., bodies, 3).
+    Return the load of each carrier on its body at the joint point: force x, y, N, moment, N m, (..., bodies, 3).
 
-    In the plane's axes; actuator, spring, damper and friction are part of it. The chain moves as forward_dynamics says
+    It is in the plane's axes and includes actuator, spring, damper and friction. Accelerations are forward_dynamics'
     (Newton and Euler, from the leaves to the root, equations.md 6.1). ValueError: bad shape, non-finite value.
     SimulationError: singular configuration.
     """

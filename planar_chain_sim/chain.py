@@ -1,8 +1,8 @@
 """
 Chain: the physical data of a planar tree of rigid bodies, in SI units, frozen.
 
-A chain from a file or from data was checked when it was read; one that is made by hand, as by dataclasses.replace, is
-checked where it is first used, by `plan.plan_of`. Either carries a text that says what it is.
+A chain from a file or from data was checked when it was read. One that was made by hand, for example by
+dataclasses.replace, is checked at its first use, by `plan.plan_of`. Both have a text from which they can be loaded.
 
 Symbols are those of the path-matrix method (Arczewski, sections 5.4.5-5.4.9): a body i turns about its joint point P_i,
 which may slide on its carrier i-. Plane vectors are complex numbers x + j y.
@@ -24,7 +24,7 @@ class ChainError(ValueError):
 
 
 class RobotFileNote(UserWarning):
-    """What has become of a robot's file, one line: joints, plane, gravity, and what of it is not used."""
+    """One line about a robot file that was read: joints, plane, gravity, and what is not used."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Body:
     """
     One rigid body: mass data in its own frame, joint point and offsets in its carrier's frame.
 
-    The two inertias say the same by J = J_C + m c^2; where they differ by rounding, `inertia` is believed.
+    The two inertias must satisfy J = J_C + m c^2; if they differ by rounding, `inertia` counts.
     """
 
     name: str
@@ -73,7 +73,7 @@ class Body:
         try:
             settled = settled_inertia(self.mass, self.center_of_mass, self.inertia, self.inertia_com)
         except (TypeError, AttributeError, OverflowError):
-            return   # no numbers: refused where the body is used
+            return   # not numbers: refused when the body is used
         if settled is not None:
             for name, value in zip(('inertia', 'inertia_com'), settled):
                 object.__setattr__(self, name, value)
@@ -102,9 +102,9 @@ def settled_inertia(mass, center, inertia, inertia_com) -> Optional[tuple[float,
 
 class _Text:
     """
-    `Chain.source`: the text that was given where it says the same chain, number by number, else one that does.
+    `Chain.source`: the given text if it describes the same chain, number by number, else a text that does.
 
-    It is looked at when it is first asked for.
+    It is computed at the first access.
     """
 
     def __get__(self, chain, owner=None):

@@ -1,7 +1,7 @@
 """
 YAML -> Chain: the only file that knows YAML.
 
-Scalars follow YAML 1.2's core rules, so `1e-3` is a number and `yes` is a text. Anchors, aliases, tags and keys given
+Scalars follow YAML 1.2's core rules, so `1e-3` is a number and `yes` is a string. Anchors, aliases, tags and keys given
 twice are refused, nesting is bounded, and a text of any size or content ends in a Chain or in one ChainError sentence.
 """
 from __future__ import annotations
@@ -38,7 +38,7 @@ CONSTANTS = {'': None, '~': None, 'null': None, 'Null': None, 'NULL': None,
 
 def load_chain(path: Union[str, os.PathLike], hold: Hold = None) -> Chain:
     """
-    Return the chain of a YAML file, or of a robot file (URDF) of a planar robot.
+    Return the chain of a YAML file, or of a robot file (URDF, MJCF) of a planar robot.
 
     A relative path is looked for in the working directory, then among the chains that come with the package (see
     `find_chain_file`). `hold`: joints that are welded, see hold.py. ChainError, one sentence, for a file that cannot be
@@ -62,7 +62,7 @@ def load_chain(path: Union[str, os.PathLike], hold: Hold = None) -> Chain:
 
 
 def chain_from_text(text: Union[str, bytes], name: str = '<text>', hold: Hold = None) -> Chain:
-    """Return the chain of a text, YAML or URDF (bytes: UTF-8); `name` is the file's in ChainError sentences."""
+    """Return the chain of a text, YAML, URDF or MJCF (bytes: UTF-8); `name` is the file's in ChainError sentences."""
     if len(text) > MAX_BYTES:
         raise ChainError(f'{name}: is longer than {MAX_BYTES // 2**20} MiB, must be a chain file in YAML')
     refuse_other_formats(text[:16], name)

@@ -1,4 +1,4 @@
-"""What every command line here keeps to: help with an example, one sentence on stderr and exit code 2 for a mistake."""
+"""What all command lines share: help with an example, one sentence on stderr and exit code 2 for a mistake."""
 from __future__ import annotations
 
 from argparse import ArgumentParser, HelpFormatter
@@ -14,13 +14,13 @@ import warnings
 
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 ENDED_BY = 128   # and the signal's number: the shell's code for a command that a signal ended
-NUMBERS = re.compile(r'-(?:[\d.]|inf|nan|pi)')   # how a value begins that is no option
+NUMBERS = re.compile(r'-(?:[\d.]|inf|nan|pi)')   # the beginning of a value that is not an option
 LONGEST = 4000      # characters of a sentence
 NOT_WRITTEN = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
 
 
 class Mistake(Exception):
-    """Something the user can mend: one sentence."""
+    """A mistake that the user can correct: one sentence."""
 
 
 class Paragraphs(HelpFormatter):
@@ -44,7 +44,7 @@ class Paragraphs(HelpFormatter):
 
 
 class Parser(ArgumentParser):
-    """An argument parser whose refusal is one sentence, and that takes a number below zero for a value."""
+    """An argument parser that refuses with one sentence and takes negative numbers as values."""
 
     def __init__(self, program: str, description: str, example: str):
         super().__init__(program, description=description, epilog=f'example:\n  {example}', allow_abbrev=False,
@@ -76,7 +76,7 @@ def add_hold(parser: Parser) -> None:
 
 
 def refuse_hold(options) -> None:
-    """Refuse `--hold` for a log, whose joints are those that it has; Mistake."""
+    """Raise Mistake for `--hold` with a log, whose joints are fixed."""
     if options.hold:
         raise Mistake('--hold is for chain files, but the file given is a log')
 
@@ -86,8 +86,8 @@ def run_command(program: str, body: Callable[[Optional[Sequence[str]]], int],
     """
     Run `body(arguments)` and return its exit code; 2 and one sentence on stderr for a user's mistake; 130 after Ctrl-C.
 
-    SIGTERM and SIGHUP are taken for Ctrl-C, so that files are closed as they should be, with 143 and 129. What is no
-    mistake of the user shows its traceback, with exit code 2 too.
+    SIGTERM and SIGHUP act like Ctrl-C, so that files are closed properly, with exit codes 143 and 129. Other errors
+    show their traceback, also with exit code 2.
     """
     from .chain import RobotFileNote
     catch_stop_signals(_interrupt)
@@ -104,7 +104,7 @@ def catch_stop_signals(handler: Callable) -> None:
     """
     Have `handler(number, frame)` called at every stop signal; a SIGHUP that is ignored, as under nohup, stays so.
 
-    SIGINT is caught even where it is ignored: a shell's background job is born deaf to it.
+    SIGINT is caught even where it is ignored, as in a background job of a shell.
     """
     for number in STOP_SIGNALS:
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
@@ -140,7 +140,7 @@ def exit_code(program: str, work: Callable[[], int]) -> int:
 
 
 def sentence_of(error: Exception) -> Optional[str]:
-    """Return what a user is told of a mistake, None of a bug."""
+    """Return the sentence for a user's mistake, None for a bug."""
     if isinstance(error, OSError) and error.filename is None and error.errno in NOT_WRITTEN:
         leave_output()
         return f'its output cannot be written ({error.strerror})'

@@ -1,8 +1,8 @@
 """
-hold: joints that are welded where they are, at a value (rad or m) or at their initial position.
+hold: joints to weld at a value (rad or m) or at their initial position.
 
-It is a mapping joint -> value or None, a list of joints, or a list of texts 'joint' and 'joint=value', as a command
-line and a parameter have it. In a chain file it stands as the key `hold`.
+It is a mapping joint -> value or None, a list of joints, or a list of strings 'joint' and 'joint=value', as on
+a command line and in a parameter. In a chain file it is the key `hold`.
 """
 from __future__ import annotations
 

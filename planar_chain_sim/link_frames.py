@@ -1,7 +1,7 @@
 """
-Where the links of a URDF are in space at joint positions: what TF tells, and markers in the frame that they name.
+Frames of a URDF's links in space at joint positions, for TF and for markers.
 
-Also of a robot whose plane lies anyhow in its root's frame.
+The robot's plane may have any orientation in the root's frame.
 """
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class LinkFrames:
     """
     Frames of the links of a URDF that the reader takes; `hold` as there.
 
-    `plane` (2, 3): the chain's x and y in the root's frame, where that is known, as of a URDF that we wrote.
+    `plane` (2, 3): the chain's x and y in the root's frame, if known, as for a URDF that this package wrote.
     """
 
     def __init__(self, urdf: str, hold: Mapping = {}, plane=None):
@@ -73,7 +73,7 @@ class LinkFrames:
         return turn, shift
 
     def seen_from(self, link: str, points, position: Mapping) -> np.ndarray:
-        """Return points of the plane, complex (n,), m, in the frame of a link, (n, 3); of the root's for no link."""
+        """Return points of the plane, complex (n,), m, in a link's frame (n, 3), or the root's for no such link."""
         points = np.asarray(points)
         places = np.stack([points.real, points.imag], axis=1) @ self._plane
         turn, shift = self.pose(link, position) if link in self._joints else (np.eye(3), np.zeros(3))

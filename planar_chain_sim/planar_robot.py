@@ -1,13 +1,13 @@
 """
-A tree of links in space -> the data of a planar chain, where all that moves keeps to one plane.
+Turns a tree of links in space into the data of a planar chain, if all motion is in one plane.
 
-Each joint that moves must turn about the plane's normal, slide across it, or slide along it. The root link is the base.
-In the plane y points up as far as it can (the world's z) and x is y x normal; where the plane lies flat, x is the
-world's x as far as it can. Gravity is what of 9.81 m/s^2 lies in the plane. A body's frame is its link's where that has
-an axis in the plane. Axes may be off by PARALLEL: then the robot is straightened and projected on the plane.
+Each moving joint must turn about the plane's normal, slide in the plane, or slide along the normal. The root link is
+the base. In the plane, y points up as far as possible (the world's z) and x is y x normal; if the plane is horizontal,
+x is the world's x as far as possible. Gravity is the part of 9.81 m/s^2 that lies in the plane. A body's frame is its
+link's if that has an axis in the plane. Axes may be off by PARALLEL: the robot is then straightened and projected.
 
-A slide along the normal has no part in the motion in the plane, nor that in its. It gets a body of its own beside the
-arm, with the inertia of all it carries and the weight of that along the normal as `preload`.
+A slide along the normal and the motion in the plane do not affect each other. The slide gets a body of its own beside
+the arm, with the inertia of everything it carries and the weight along the normal as `preload`.
 """
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .chain import ChainError
 from .chain_section import clipped
 
 PARALLEL = 5e-3     # rad; files have angles such as 1.57
-EXACT = 1e-6        # rad; above it the largest angle is told
+EXACT = 1e-6        # rad; above it the line names the largest angle
 TINY = 1e-12        # m, kg m^2: what is smaller is the rounding of a turned frame
 GRAVITY = 9.81      # m/s^2 along -z, as everywhere where URDF is used
 DIRECTIONS = 64     # of axes that are tried as the plane's normal
@@ -98,7 +98,7 @@ def planar_data(robot: SpatialRobot, name: str) -> tuple[dict, Plane]:
         _refuse_idle(robot, carried, name)
         bodies = {joint.child: _body(robot, joint, places, plane, name) for joint in robot.joints}
         lifts = _lifts(robot, places, plane, carried)
-    taken = {'base'}   # a link may be called so, a body may not
+    taken = {'base'}   # a link may have this name, a body may not
     names = {robot.root: 'base'}
     for link in bodies:
         names[link] = _new_name(link, taken)
@@ -159,9 +159,8 @@ def _straightened(robot, places, plane: Plane) -> dict:
     """
     Return the places with the axes of all rotations along the normal.
 
-    What a joint carries is turned by the angle between, about the point of its axis that is level with the mass centre
-    of what it carries: so neither that mass centre, for those that carry the joint, nor its distance from the axis
-    changes but for a part of the square of the angle.
+    What a joint carries is turned by the angle of its axis, about the point of the axis at the height of the carried
+    mass centre. So that mass centre and its distance from the axis change only by the square of the angle.
     """
     normal = plane.basis[2]
     if plane.largest_angle < TINY:
@@ -215,7 +214,7 @@ def _plane(robot, places, name: str) -> Plane:
     if np.linalg.norm(y) > PARALLEL:
         y /= np.linalg.norm(y)
         x = np.cross(y, normal)
-    else:   # flat: a slight tilt must not turn x and y about
+    else:   # horizontal: a slight tilt must not turn x and y
         x = np.array([1.0, 0.0, 0.0]) - normal[0] * normal
         x /= np.linalg.norm(x)
         y = np.cross(normal, x)
@@ -224,7 +223,7 @@ def _plane(robot, places, name: str) -> Plane:
 
 
 def _candidates(axes: np.ndarray, turns: np.ndarray) -> list:
-    """Return directions that the plane's normal can have, the later joints' first: the odd one is often the root's."""
+    """Return candidates for the plane's normal, later joints' axes first: the one that differs is often the root's."""
     if turns.any():
         directions = axes[turns][::-1]
     else:
@@ -240,7 +239,7 @@ def _candidates(axes: np.ndarray, turns: np.ndarray) -> list:
 
 
 def _refuse_odd(odd, others, name: str):
-    """Raise for the joints that do not keep to the plane of the others."""
+    """Raise ChainError for the joints that leave the plane of the others."""
     slide = all(joint.kind == 'slide' for joint in odd)
     turns = [joint.name for joint in others if joint.kind == 'rotation']
     if len(odd) == 1:
@@ -263,7 +262,7 @@ def _carried(robot) -> dict:
 
 
 def _refuse_idle(robot, carried, name: str):
-    """Raise for joints that move nothing."""
+    """Raise ChainError for joints that move no mass."""
     idle = [joint for joint in robot.joints if joint.moves and not carried[joint.name][0]
             and (joint.kind == 'slide' or not carried[joint.name][1])]
     if not idle:
@@ -325,8 +324,8 @@ def _lifts(robot, places, plane: Plane, carried) -> dict:
     """
     Return slide along the normal -> (the one that carries it or None, its body beside the arm).
 
-    One alone is a body without mass whose joint has the armature of what it carries. Several on one another are bodies
-    with their own parts of the mass, which slide across gravity.
+    A single slide is a body without mass whose joint's armature is the carried mass. Slides that carry each other are
+    bodies with their own parts of the mass, which slide across gravity.
     """
     above, parts, joints = {robot.root: None}, {}, {}
     for joint in robot.joints:
@@ -356,7 +355,7 @@ def _lifts(robot, places, plane: Plane, carried) -> dict:
 
 
 def account(robot: SpatialRobot, chain, plane: Plane) -> list:
-    """Return what is told of a robot's file: joints, plane, gravity and what was done to them."""
+    """Return what the line about a robot file says: joints, plane, gravity and changes to them."""
     x, y, _ = plane.basis
     parts = [f'joints {quoted(chain.joint_names, 16)}',
              f'plane with x along {_direction(x)} and y along {_direction(y)} of link '

@@ -1,4 +1,4 @@
-"""Robot files: which format a text has, and the reader of that; formats that are not read are told by their names."""
+"""Robot files: finds the format of a text and its reader; refuses other formats by name."""
 from __future__ import annotations
 
 from typing import Union
@@ -7,7 +7,7 @@ from .chain import Chain, ChainError
 from .xml_elements import root_tag
 
 WANTED = 'must be a URDF, an MJCF or a chain file in YAML'
-OTHERS = {  # the root element's tag, of formats that people have beside URDF and MJCF
+OTHERS = {  # the root element's tag -> format, other than URDF and MJCF
     'sdf': 'an SDF', 'gazebo': 'an SDF (an old one, with the root gazebo)', 'world': 'a world of Gazebo',
     'mujocoinclude': 'a part of an MJCF, to be included by another file', 'OpenSimDocument': 'a model of OpenSim',
     'COLLADA': 'a COLLADA mesh', 'Robot': 'a robot of OpenRAVE', 'KinBody': 'a body of OpenRAVE',
@@ -23,7 +23,7 @@ BEGINNINGS = {  # of texts that are no XML
 
 
 def refuse_other_formats(start: Union[str, bytes], name: str) -> None:
-    """Raise the ChainError that names the format of a file, by its first characters, that is neither YAML nor XML."""
+    """Raise ChainError with the format of a file that is neither YAML nor XML, by its first characters."""
     if isinstance(start, bytes):
         start = start.decode('latin-1')
     for beginning, what in BEGINNINGS.items():

@@ -2,14 +2,14 @@
 Chain -> URDF: links, joints, inertials and simple visuals, for robot_state_publisher, RViz, Foxglove and others.
 
 The plane stands upright: the chain's x is the world's x, its y the world's z; `world` to `base_link` is rpy
-(pi/2, 0, 0). A link's frame is the body's. Springs and rotors are left out, URDF knows none. All three moments of
-inertia are given that about the plane's normal, the only one that acts.
+(pi/2, 0, 0). A link's frame is the body's. Springs and rotors are left out, since URDF has none. All three moments
+of inertia are set to the one about the plane's normal, the only one that acts.
 
-A body that slides and turns gets a link between, the carriage. MuJoCo takes no moving link without mass and inertia, so
-the carriage has a little of its body's mass, at the joint point, and of its carrier's inertia; what is left there is
-less by just as much, so that the motion is the same.
+A body that slides and turns gets a link in between, the carriage. MuJoCo needs mass and inertia in every moving link,
+so the carriage has a little of its body's mass, at the joint point, and of its carrier's inertia. Body and carrier have
+that much less, so the motion is the same.
 
-A slide without stops has a <limit> without lower and upper: urdfdom demands the element, and nothing else says so.
+A slide without stops has a <limit> without lower and upper: urdfdom requires the element.
 """
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from .visual import body_color, visual_ends
 UNLIMITED = 1e9  # N m, N, rad/s, m/s: stands for no limit where URDF demands one; the reader takes it as such
 THICKNESS = 0.08  # of a visual, by its length
 SHARE = 2.0**-10  # of mass and inertia that a carriage gets, where its body has as much to give
-LEAST_SHARE = 2.0**-44  # what it gets of a point mass, which has nothing to give: no other number notices it
+LEAST_SHARE = 2.0**-44  # share of a point mass, which has no inertia to give: too small to change other numbers
 HARDWARE = 'topic_based_ros2_control/TopicBasedSystem'
 GRAVITY = complex(0.0, -9.81)   # m/s^2, which readers of URDF take
 PLANE = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)   # the chain's x and y in the frame of `world`
@@ -219,7 +219,7 @@ def _ros2_control(robot, chain: Chain, commands: str, states: str) -> None:
 
 
 def left_out(chain: Chain) -> list[str]:
-    """Return what acts in the chain and has no place in a URDF, with the joints that have it."""
+    """Return what acts in the chain but cannot be written in a URDF, with the joints that have it."""
     lost = []
     for key, what in (('stiffness', 'springs'), ('armature', 'rotors'), ('preload', 'preloads'),
                       ('restitution', 'restitution')):

@@ -22,7 +22,7 @@ HEX = re.compile('#[0-9a-fA-F]{6}')
 
 
 def read_visual(section) -> Mapping:
-    """Return what stands under `visual` of a body's section, checked; {} where nothing does; ChainError."""
+    """Return the checked mapping under `visual` in a body's section, {} if there is none; ChainError."""
     visual = section.section('visual')
     if visual is None:
         return {}
@@ -31,8 +31,8 @@ def read_visual(section) -> Mapping:
         visual.number('length', unit='m', least=0.0)
     if 'color' in visual.data and _rgba(color := visual.data['color']) is None:
         near = suggestion(color, NAMES) if isinstance(color, str) else ''
-        visual.fail('color', f'is {shown(color)}{near}, must be [red, green, blue], numbers from 0 to 1, if wanted '
-                    f'with the opacity as a fourth, #rrggbb in quotes, or one of {", ".join(NAMES)}')
+        visual.fail('color', f'is {shown(color)}{near}, must be [red, green, blue], numbers from 0 to 1, '
+                    f'optionally with the opacity as a fourth, #rrggbb in quotes, or one of {", ".join(NAMES)}')
     return plain(visual.data)
 
 
@@ -56,12 +56,12 @@ def body_color(chain: Chain, index: int) -> tuple:
 
 
 def own_end(body: Body) -> list:
-    """Return where the line ends that `length` says, [complex] in the body's frame, m; [] where it says nothing."""
+    """Return the end of the line of `length`, [complex] in the body's frame, m; [] without `length`."""
     return [complex(body.visual['length'], 0.0)] if 'length' in body.visual else []
 
 
 def visual_ends(chain: Chain) -> list[list[complex]]:
-    """Return for each body where the lines end that picture it, from its joint point, own frame, m, at zero slides."""
+    """Return for each body the ends of the lines that draw it, from its joint point, own frame, m, at zero slides."""
     carried = [[] for _ in chain.bodies]
     for body in chain.bodies:
         if body.carrier != BASE:

@@ -1,8 +1,8 @@
 """
-A file with xacro in it -> the URDF that the `xacro` package makes of it, where that is installed.
+Expands a xacro file to URDF with the `xacro` package, where that is installed.
 
-xacro evaluates expressions and reads other files. So it works on files alone that the user names, never on a text that
-came from a topic or a log, in a process of its own with bounded time, memory and output, and no arguments.
+xacro evaluates expressions and reads other files. So only files that the user names are expanded, never a text from a
+topic or a log, and in a separate process with limited time, memory and output, without arguments.
 """
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from .chain_section import clipped
 SECONDS = 20
 MAX_BYTES = 16 * 2**20
 MAX_MEMORY = 2**30
-USED = re.compile(r'<xacro:|\$[{(]')   # of xacro; a namespace alone is what expanded files keep
+USED = re.compile(r'<xacro:|\$[{(]')   # elements or expressions of xacro; expanded files keep only the namespace
 PROGRAM = """
 import sys
-sys.path.pop(0)   # a robot's folder is no place for modules
+sys.path.pop(0)   # no modules are imported from the robot's folder
 import resource
 resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[2]),) * 2)
 resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
@@ -30,11 +30,11 @@ sys.stdout.write(xacro.process_file(sys.argv[1]).toprettyxml(indent='  '))
 
 
 def expanded(path, text: bytes, name: str) -> bytes:
-    """Return the text of the file at `path` expanded, or as it is where nothing is to do or `xacro` is not there."""
+    """Return the expanded text of the file at `path`; unchanged if it has no xacro or `xacro` is not installed."""
     if not USED.search(text.decode('utf-8', 'replace')):
         return text
     package = find_spec('xacro')
-    if package is None or package.origin is None:   # a mere folder of this name is none
+    if package is None or package.origin is None:   # a folder of this name is not the package
         return text
     wanted = 'must be one that `xacro FILE` expands'
     try:

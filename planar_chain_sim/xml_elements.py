@@ -1,8 +1,8 @@
 """
-XML text -> elements, lenient in what changes no meaning, never less safe: no DTD, no entity, no other file, bounded.
+Reads XML text leniently where that changes no meaning, and safely: no DTD, no entities, no other files, limited size.
 
-Taken as meant: blank lines before the XML declaration, any version in it, `--` in a comment, prefixes that nobody
-declared. Prefixes stay in the tags as written, a default namespace leaves them bare.
+Accepted: blank lines before the XML declaration, any version in it, `--` in a comment, undeclared prefixes. Prefixes
+stay in the tags as written; a default namespace adds none.
 """
 from __future__ import annotations
 
@@ -78,10 +78,10 @@ def read_xml(text: str, name: str, wanted: str = 'URDF', depth: int = MAX_DEPTH,
         element.text = ''.join(parts)
 
     def doctype(*_):
-        fail(f'has a DOCTYPE, must be plain {wanted} without')
+        fail(f'has a DOCTYPE, must be {wanted} without one')
 
     count = 0
-    parser = expat.ParserCreate('utf-8')   # and no namespaces: an undeclared prefix is a name like any other
+    parser = expat.ParserCreate('utf-8')   # without namespaces: an undeclared prefix is part of the name
     parser.buffer_text = True
     parser.StartElementHandler = start
     parser.EndElementHandler = end

@@ -190,7 +190,7 @@ def test_what_is_no_planar_robot_is_refused_by_the_joint(changes, sentence):
     ('<sdf version="1.7"><model name="m"/></sdf>', 'is an SDF, must be a URDF'),
     ('<html/>', "is XML with the root element 'html', must be the URDF of a robot"),
     ('<robot name="r"><link name="a"/></robot>', 'has no joint that moves'),
-    ('<!DOCTYPE robot [<!ENTITY a "b">]><robot name="&a;"/>', 'has a DOCTYPE, must be plain URDF without'),
+    ('<!DOCTYPE robot [<!ENTITY a "b">]><robot name="&a;"/>', 'has a DOCTYPE, must be URDF without one'),
     ('<robot name="&a;"/>', 'is not well-formed XML (undefined entity)'),
     ('<robot name="r"><link name="a"/>\n<link name="a"/></robot>', "has two links 'a', on lines 1 and 2"),
     ('<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="fixed"><parent link="b"/><child link="c"/>'

@@ -1,8 +1,8 @@
 """
-Joint efforts from a command line or a file: one row that is held, a row per tick, or rows that act from their time on.
+Joint efforts from a command line or a file: one constant row, a row per tick, or rows with a starting time.
 
-A text file may have a header with the names of joints in any order, a time column, commas, semicolons, tabs or blanks
-between its columns, blank lines and lines that begin with #.
+A text file may have a header with the names of joints in any order and a time column. Commas, semicolons, tabs or
+spaces separate its columns. Blank lines and lines that begin with # are skipped.
 """
 from __future__ import annotations
 

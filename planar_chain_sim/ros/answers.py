@@ -8,11 +8,11 @@ from .commands import Command
 
 class Answers:
     """
-    The answers to one state, of its stamp, which the next state waits for.
+    The answers to one state, given by its stamp; the next state waits for them.
 
-    `joints`: indices of those that must have a command. A JointState answers the state whose stamp it echoes, a
-    Float64MultiArray the one outstanding, unless the middleware received it before that was shown. The first answer
-    stands. Joints that nobody waits for take any command.
+    `joints`: indices of those that must have a command. A JointState answers the state whose stamp it
+    repeats, a Float64MultiArray the outstanding state, unless the middleware received it before that was published.
+    The first answer counts. Joints that are not waited for take any command.
     """
 
     def __init__(self, joints: Sequence[int]):

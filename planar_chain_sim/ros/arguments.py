@@ -1,5 +1,5 @@
 """
-A ROS command line looked at beside ROS, which passes over in silence, or says in its own words, what is meant here.
+Checks a ROS command line for mistakes that ROS ignores silently or reports in unclear words.
 
 Nothing is changed: ROS parses the same arguments.
 """
@@ -77,7 +77,7 @@ def _text(path: str) -> str:
 
 
 def _events(text: str) -> Iterator:
-    """Yield the events of a YAML text up to its end or the first that is none: ROS says what is wrong with it."""
+    """Yield the events of a YAML text up to its end or its first error, which ROS reports."""
     try:
         yield from yaml.parse(text, LOADER)
     except yaml.YAMLError:

@@ -84,10 +84,10 @@ class CommandReader:
 
     def _names_of_efforts(self, names: tuple, count: int) -> Sequence[str]:
         """
-        Return the names that a message's efforts are for, in order; CommandError where nobody can know.
+        Return the names that a message's efforts are for, in order; CommandError if they cannot be known.
 
-        The topic-based hardware of ros2_control names all of its joints and sends efforts for those alone that have an
-        effort interface.
+        The topic-based hardware of ros2_control names all of its joints and sends efforts only for those with an effort
+        interface.
         """
         if count in (0, len(names)):
             return names[:count]
@@ -105,7 +105,7 @@ class CommandReader:
         return commanded
 
     def _without_effect(self, message, commanded: set):
-        """Yield (reason, sentence) of what a JointState has that moves nothing; NaN is meant to, and not told."""
+        """Yield (reason, sentence) of what in a JointState has no effect; NaN is not reported."""
         names = message.names
         if not names:
             yield 'empty', 'names no joint'

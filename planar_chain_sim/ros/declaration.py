@@ -1,4 +1,4 @@
-"""Rows of parameters made ROS parameters: what was given taken as it comes, declared, and set while the node runs."""
+"""Declares the rows of parameters in ROS, takes the values that were given, and lets live ones be set."""
 from __future__ import annotations
 
 from difflib import get_close_matches
@@ -16,7 +16,7 @@ from ..quantities import QUANTITIES
 
 
 class UnknownParameter(ParameterNotDeclaredException):
-    """What rclpy answers a set of parameters with that there are not, in words; its own forgets the first name."""
+    """The error for setting unknown parameters, as a sentence; rclpy's own loses the first name."""
 
     def __init__(self, names):
         super().__init__(names)
@@ -132,7 +132,7 @@ def _converted(parameter: Parameter, chain) -> Parameter:
 
 
 def _refusing_strange_types(callback):
-    """Return rclpy's callback of a service that sets parameters, which would fall over a type that there is not."""
+    """Return rclpy's callback of a service that sets parameters, guarded against parameter types that do not exist."""
     known = {kind.value for kind in Parameter.Type}
 
     def refuse_or_call(request, response):
@@ -164,7 +164,7 @@ def _descriptor(row: Row) -> ParameterDescriptor:
 
 
 def _warn_of_unknown(node, given, known) -> None:
-    """Warn of a parameter that looks like a slip; others may be meant for other nodes of a shared file."""
+    """Warn of a parameter that looks like a typing mistake; others may be for other nodes of a shared file."""
     for name in given:
         close = get_close_matches(name, known, n=1)
         if close and name not in known:

@@ -1,4 +1,4 @@
-"""~/markers: the bodies as lines, for those who want no TF, in the frame that they name."""
+"""~/markers: the bodies as lines, without TF, in the frame of `frame_id`."""
 from __future__ import annotations
 
 from geometry_msgs.msg import Point

@@ -1,4 +1,4 @@
-"""Who else is on the node's topics and cannot be heard, or is in its way: looked for once a second, told once each."""
+"""Faults of other nodes on the same topics (type, QoS, name): checked once a second, each reported once."""
 from __future__ import annotations
 
 from rclpy.qos import qos_check_compatible, QoSCompatibility
@@ -8,7 +8,7 @@ PERIOD = 1.0  # s
 
 class Neighbours:
     """
-    Looks at the ROS graph for `node` and tells through `simulator`, by its 'ignore', of each fault that is new.
+    Checks the ROS graph for `node` and reports each new fault through `simulator`, by its request 'ignore'.
 
     `inputs`, `publishers`: key of INPUTS or OUTPUTS -> subscription, publisher. faults: sentences on what is wrong at
     the last look().
@@ -20,7 +20,7 @@ class Neighbours:
         self._told, self.faults = set(), []
 
     def look(self) -> None:
-        """Look who is there now."""
+        """Check the graph now."""
         found = {key: fault for key, *fault in self._simulator.hold_ups.during(tuple, self._found())}
         self.faults = [sentence for _, _, sentence in found.values()]
         for key in found.keys() - self._told:

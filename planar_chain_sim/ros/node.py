@@ -118,7 +118,7 @@ def start_simulator(node, ending, stop, told=None):
 
 
 def say_hello(node, simulation, values, publishers, inputs) -> None:
-    """Tell what runs, where to send efforts, and how to see it; what only we care for at debug level."""
+    """Log what runs, where to send efforts and how to see it; the plan at debug level."""
     names, logger = simulation.chain.joint_names, node.get_logger()
     shown = ', '.join(names[:SHOWN]) + (f' and {len(names) - SHOWN} more' if len(names) > SHOWN else '')
     state = publishers['state'].topic_name
@@ -132,7 +132,7 @@ def say_hello(node, simulation, values, publishers, inputs) -> None:
 
 def serve(node, ending, stop, simulator, chain, urdf, values, log, ends) -> None:
     """
-    Start answering and publishing what no tick waits for: services, parameters, diagnostics, URDF, markers.
+    Start what runs outside the tick thread: services, parameters, diagnostics, URDF, markers.
 
     `ends`: subscriptions of INPUTS and publishers of OUTPUTS, by key.
     """
@@ -188,10 +188,10 @@ def frames_of(chain, urdf, values):
 
 def tell_of_clocks(node, values) -> None:
     """
-    Say what use_sim_time means here, at the start and whenever somebody sets it.
+    Log what use_sim_time means for this node, at the start and when it is set.
 
-    Ticks are counted on the steady clock and nothing here waits for /clock. A subscription to it would only cost, of
-    our own time a thousand messages a second.
+    Ticks are counted on the steady clock and nothing here waits for /clock. A subscription to it would only cost
+    time: a thousand of our own messages a second.
     """
     def tell(wanted: bool) -> None:
         if not wanted:

@@ -49,7 +49,7 @@ def run_until_stopped(program: str, body: Callable[[list, list, SimpleQueue], No
 
 
 def run_body(program: str, body, arguments: Sequence[str], stop: SimpleQueue) -> int:
-    """Run `body` with its arguments, once none of them stands where it would not be heard; return 0."""
+    """Run `body` with its arguments after a check that none of them is misplaced; return 0."""
     from .arguments import refuse_misplaced
     own, ros = split_arguments(arguments)
     refuse_misplaced(program, own, ros)
@@ -80,7 +80,7 @@ def split_arguments(arguments: Sequence[str]) -> tuple[list, list]:
 
 
 def refuse_clock() -> None:
-    """Mistake where the system clock is at a time that ROS messages and the middleware cannot carry."""
+    """Raise Mistake if the system clock is outside the years that ROS messages and the middleware can represent."""
     from .pacing import LAST_STAMP
     from ..command_line import Mistake
     now = time_ns()
@@ -96,7 +96,7 @@ def start_node(name: str, arguments: Sequence[str], ending: ExitStack):
     Mistake where there is no ROS 2 or it does not take the arguments.
     """
     from ..command_line import Mistake
-    if not Path('DEFAULT_FASTRTPS_PROFILES.xml').exists():  # which Fast DDS takes of itself
+    if not Path('DEFAULT_FASTRTPS_PROFILES.xml').exists():  # which Fast DDS uses by itself
         os.environ.setdefault('FASTRTPS_DEFAULT_PROFILES_FILE', str(DDS_PROFILE))
     refuse_clock()
     from .arguments import refuse_mixed_lists, unheard

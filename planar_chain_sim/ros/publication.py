@@ -9,16 +9,15 @@ from typing import Optional
 from ..recording.cdr import ClockLayout, encode_string, JointStateLayout
 
 
-SHORTEST_HOLD_UP = 20_000_000  # ns that publishing one message takes, for which the middleware is to be named
+SHORTEST_HOLD_UP = 20_000_000  # ns; a call of the middleware that takes longer counts as a hold-up
 
 
 class HoldUps:
     """
-    How long the middleware has held up those who call it: `total`, ns, of all calls that took remarkably long.
+    How long the middleware has blocked its callers: `total`, ns, over all calls longer than SHORTEST_HOLD_UP.
 
-    When Fast DDS looks whether the shared memory of somebody who has just come is in order, it may sleep for a third
-    of a second, and who publishes waits for it (its issue 6535). rclpy keeps the interpreter meanwhile, so that all
-    threads wait with the one that publishes.
+    When a subscriber joins, Fast DDS checks its shared memory and may sleep for a third of a second while publishers
+    wait (its issue 6535). rclpy holds the interpreter lock meanwhile, so all threads wait.
     """
 
     def __init__(self):

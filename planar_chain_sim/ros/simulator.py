@@ -43,7 +43,7 @@ def payload_of(values, simulation) -> dict:
 
 
 class Request:
-    """Something asked of the tick thread, and where its answer goes; `late`: who asked waits no more."""
+    """A request to the tick thread and the queue for its answer; `late`: the caller no longer waits."""
 
     def __init__(self, what: str, arguments: tuple):
         self.what, self.arguments, self.reply, self.late = what, arguments, SimpleQueue(), False
@@ -128,7 +128,7 @@ class Simulator:
 
     @staticmethod
     def _leave(request: Request):
-        """Wait no longer for an answer, which is told in the log when it is there."""
+        """Stop waiting for an answer; the log will have it."""
         request.late = True
         try:
             return request.reply.get_nowait()
@@ -241,7 +241,7 @@ class Simulator:
         self._tick()
 
     def _judge_lateness(self, now: int, late: int) -> None:
-        """Let time be made up for in which the middleware has held us up, however long, and drop any other."""
+        """Catch up with lateness that the middleware has caused, however long; drop any other."""
         held_up = self.hold_ups.total - self._made_up
         if held_up > self._told_of:
             self._publication.event('held_up', seconds=(held_up - self._told_of) * 1e-9)
@@ -333,7 +333,7 @@ class Simulator:
             self._logger.warning('the last publisher of commands has gone, efforts are zero now')
 
     def _look_at_log(self) -> None:
-        """Tell of trouble with the log, once; LogError where that is to end the node."""
+        """Report a fault of the log, once; LogError if it must end the node."""
         trouble = self._log.trouble
         if trouble != self._log_trouble:
             self._log_trouble = trouble

@@ -18,9 +18,9 @@ class WrenchReader:
         """
         Return what a geometry_msgs/msg/WrenchStamped (CDR) does, as the change 'wrench' has it, and what has no effect.
 
-        Its frame is a body's: x and y in the plane, the force at the body's joint point. Bearings take what is across
-        the plane; the second value says so, or is ''. CommandError on malformed bytes, another frame, a value that is
-        not finite.
+        Its frame is a body's: x and y in the plane, the force at the body's joint point. Components out
+        of the plane have no effect; the second value says so, or is ''. CommandError on malformed bytes, another frame,
+        a value that is not finite.
         """
         if len(data) > LONGEST_MESSAGE:
             raise CommandError('too long', f'it has {len(data)} bytes, must have at most {LONGEST_MESSAGE}')
