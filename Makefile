@@ -35,8 +35,8 @@ help:
 	@echo 'make lint     flake8 and compiler warnings'
 	@echo 'make colcon   build as a ROS 2 workspace does, below build/'
 	@echo 'make bench    measure accuracy and speed beside other libraries, half an hour, into build/benchmark'
-	@echo 'make soak     what takes too long for every day: scenes, signals, floods, ten minutes under load'
-	@echo 'make fuzz, make races, make aarch64    the kernel with watched memory, with watched threads, on ARM'
+	@echo 'make soak     long tests: scenes, signals, floods, ten minutes under load'
+	@echo 'make fuzz, make races, make aarch64    the kernel under memory and thread sanitizers, on ARM'
 	@echo 'make clean    remove .venv and all that was built'
 	@echo 'The first run, test or bench makes .venv: a download of 250 MB (400 MB for tests) and a compilation.'
 	@echo 'PYTHON=python3.12 and CXX=clang++ choose the tools of a new .venv.'
@@ -60,7 +60,7 @@ BENCH_FOLDER := build/benchmark
 bench: $(BENCH_READY)
 	@exec $(VENV)/bin/benchmark $(or $(ARGS),all --folder $(BENCH_FOLDER))
 
-# What takes too long for every day: scenes that try to break the integrator, stop signals twenty times each, a flood of
+# Tests that take too long for every day: scenes that try to break the integrator, stop signals twenty times each, a flood of
 # 1e5 commands, ten minutes under full load.
 soak: $(BENCH_READY) $(TEST_READY)
 	@mkdir -p $(BENCH_FOLDER)
