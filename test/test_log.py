@@ -1,6 +1,8 @@
 """The log's writers and its reader: what goes in comes out, what is wrong is refused at once."""
 from errno import ENOSPC
+import os
 from pathlib import Path
+from random import Random
 from struct import unpack_from
 from threading import Thread
 import time
@@ -222,3 +224,23 @@ def test_a_backlog_too_long_ends_the_log(tmp_path, monkeypatch):
     writer.close()
     log = read_log(tmp_path / 'run.mcap')
     assert (list(log.messages), log.complete) == (messages[:taken], True)
+
+
+@pytest.mark.parametrize('seed', range(40))
+def test_a_log_that_was_cut_short_is_known_whenever_that_was(seed, tmp_path):
+    """Cut between two flushes or in the midst of one, and grown beyond its former length or not."""
+    draw = Random(seed)
+    path = tmp_path / 'run.mcap'
+    writer = LogWriter(path, CHANNELS, **EXTRAS, flush_period=600.0)
+    write(writer, recorded(draw.randrange(1, 400)))
+    writer.flush()
+    assert writer.whereabouts() == ''
+    write(writer, recorded(draw.randrange(400)))
+    if seed % 2:
+        writer._mcap.close_chunk()   # as far as a flush has come when the file is cut
+    os.truncate(path, draw.randrange(path.stat().st_size))
+    write(writer, recorded(draw.randrange(800)))
+    writer.flush()
+    assert 'cut short' in writer.whereabouts()
+    with pytest.warns(RuntimeWarning, match='cut short'):
+        writer.close()

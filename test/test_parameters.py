@@ -7,7 +7,7 @@ import random
 import re
 import sys
 from threading import Timer
-from time import monotonic
+from time import monotonic, process_time
 import warnings
 
 from live import CONFIG, PATIENCE, Peer, Process, run, simulator
@@ -19,7 +19,8 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
-from planar_chain_sim import load_chain, rollout
+from planar_chain_sim import load_chain, rollout, Simulation
+from planar_chain_sim.chain_yaml import chain_from_text
 from planar_chain_sim.command_line import Mistake, sentence_of
 from planar_chain_sim.recording.cdr import decode_joint_state, decode_string
 from planar_chain_sim.recording.log_reader import read_log
@@ -382,13 +383,20 @@ def test_a_step_of_days_brings_stamps_to_the_end_of_ros_time_and_no_further():
     assert 'Traceback' not in process.output
 
 
-SLOW = """
-name: slow
-bodies:
-""" + ''.join(
-    f'  - {{name: l{k}, carrier: {f"l{k - 1}" if k else "base"}, origin: [{0.1 if k else 0.0}, 0.0], mass: 1.0, '
-    f'center_of_mass: [0.05, 0.0], inertia_com: 0.001, rotation: {{joint: j{k}, position: {0.3 if k % 2 else -0.2}, '
-    'damping: 0.001}}\n' for k in range(72))
+def slow(joints):
+    """Return a chain whose stiff method has much to do."""
+    return 'name: slow\nbodies:\n' + ''.join(
+        f'  - {{name: l{k}, carrier: {f"l{k - 1}" if k else "base"}, origin: [{0.1 if k else 0.0}, 0.0], mass: 1.0, '
+        f'center_of_mass: [0.05, 0.0], inertia_com: 0.001, rotation: {{joint: j{k}, position: '
+        f'{0.3 if k % 2 else -0.2}, damping: 0.001}}}}\n' for k in range(joints))
+
+
+def slow_here():
+    """Return such a chain with as many joints as make a tick of a second take some twelve on this machine."""
+    simulation = Simulation(chain_from_text(slow(72)), 'rodas5p', step=0.1, tolerance=1e-11)
+    begun = process_time()
+    simulation.advance(3)
+    return slow(min(max(40, round(72 * (12.0 / (5.0 * (process_time() - begun))) ** (1 / 3))), 250))
 
 
 def until_refused(ask):
@@ -400,8 +408,7 @@ def until_refused(ask):
 
 
 def test_what_takes_longer_than_its_time_out_is_still_under_way_and_told_afterwards(tmp_path):
-    """A tick of a second of 72 joints takes many seconds."""
-    (tmp_path / 'slow.yaml').write_text(SLOW)
+    (tmp_path / 'slow.yaml').write_text(slow_here())
     with simulator(chain_file=tmp_path / 'slow.yaml', method='rodas5p', rate=1.0, tolerance=1e-11) as process, \
             Peer() as peer:
         peer.meet()

@@ -280,7 +280,9 @@ def test_a_lockstep_command_with_a_stamp_of_its_own_is_told(lockstep, seconds, r
 
 
 def test_a_second_and_a_late_answer_are_told(lockstep):
-    state = lockstep.new_state()
+    first = lockstep.new_state()   # whose stamp may be 0, which later is no stamp
+    lockstep.joint_commands.publish(by_name(header=first.header, name=JOINTS, effort=[0.0] * 5))
+    state = lockstep.new_state(lambda new: stamp_ns(new) > stamp_ns(first))
     for value in (1.0, 9.0):
         lockstep.joint_commands.publish(by_name(header=state.header, name=JOINTS[:1], effort=[value]))
     expect_trace(lockstep, 'ignored', 'second answer', 'the first one counts', '/wait/simulator/joint_commands')

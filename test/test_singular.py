@@ -38,8 +38,6 @@ CASES = {
     'branches two links out': (1.0, lambda t: (
         turning(-1, 0.0, 0j, t), turning(0, 0.5, 1.0, 0.5, origin=1.0),
         turning(1, 0.25, 1.0, 0.25, origin=1.0), turning(1, 0.25, 1.0, 0.25, origin=1.0))),
-    'massless slide between': (1.0, lambda t: (turning(-1, 0.0, 0j, 0.0), sliding(0, 0.0, 0j, t),
-                                               turning(1, 1.0, 1.0, 1.0, origin=1.0))),
     'slide across the lever': (1.0, lambda t: (turning(-1, 0.0, 0j, t), sliding(0, 1.0, 1j, 1.0))),
     'rotor on a bob folded back': (1.5, lambda t: (turning(-1, 0.0, 0j, t),
                                                    turning(0, 1.0, -1.0, 1.0, origin=1.0, armature=1.0))),
@@ -58,6 +56,13 @@ def test_threshold_of_the_guard(name, form):
         with pytest.raises(pcs.SimulationError, match="joint 'j0' of body '.*' of thin: the configuration is singular"):
             pcs.forward_dynamics(chain, zero, zero, zero, form)
     assert pcs.forward_dynamics(above, zero, zero, zero, form).tolist() == zero.tolist()
+
+
+def test_a_massless_slide_between_is_refused_as_a_chain():
+    """Its turning link has no inertia of its own in any configuration."""
+    chain = chain_of(turning(-1, 0.0, 0j, 0.0), sliding(0, 0.0, 0j, 101.0 * EPS), turning(1, 1.0, 1.0, 1.0, origin=1.0))
+    with pytest.raises(pcs.ChainError, match="joint 'j0', which makes the mass matrix singular in every configuration"):
+        pcs.forward_dynamics(chain, np.zeros(3), np.zeros(3), np.zeros(3))
 
 
 @pytest.mark.parametrize('name', CASES)

@@ -66,7 +66,8 @@ def test_what_is_no_angle_gives_no_number(angle):
 def test_angles_turned_in_blocks_give_the_bits_of_each_alone(count, far):
     """Pendulums side by side know nothing of each other; an angle beyond the near ones is among them or not."""
     def pendulum(k):
-        return Body(f'b{k}', -1, 0j, 0.0, 1.0, 0.5 + 0.1j, 0.4 + 0.1 * k, 0.1, None, Joint(f'j{k}', 'rotation', 1.0))
+        return Body(f'b{k}', -1, 0j, 0.0, 1.0, 0.5 + 0.1j, 0.36 + 0.1 * k, 0.1 + 0.1 * k, None,
+                    Joint(f'j{k}', 'rotation', 1.0))
     angles = np.random.default_rng(count).normal(0.0, 3.0, count)
     angles[-1] += far
     zero = np.zeros(count)

@@ -7,6 +7,7 @@ process that is killed loses no more than what came in after the last flush.
 """
 from __future__ import annotations
 
+from io import BufferedWriter, FileIO
 import os
 from pathlib import Path
 from threading import Event, Thread
@@ -28,6 +29,22 @@ WATCH_PERIOD = 0.5          # s between two looks at whether the file is still w
 BACKLOG_LIMIT = 10 ** 8     # bytes; a disk this far behind will not catch up
 
 
+class _NewFile(FileIO):
+    """A file that is only appended to: cut short by others, it stays shorter than what it was given, in bytes."""
+
+    def __init__(self, path):
+        super().__init__(path, 'x', opener=lambda name, flags: os.open(name, flags | os.O_APPEND, 0o666))
+        self.given = 0
+
+    def write(self, data) -> int:
+        taken = super().write(data)
+        self.given += taken or 0
+        return taken
+
+    def tell(self) -> int:
+        return self.given
+
+
 class LogWriter:
     """
     Writes one MCAP log, in the calling thread.
@@ -47,7 +64,7 @@ class LogWriter:
         self._check(flush_period, compression)
         self.flush_period = flush_period
         self._file = self._create()
-        self._failure, self._written, self._cut = None, 0, False   # why writing ended; bytes on the disk, once cut off
+        self._failure = None   # why writing ended
         try:
             self._mcap = McapFile(self._file, 'ros2', 'planar_chain_sim', COMPRESSIONS[compression])
             self.chunk = self._mcap.chunk
@@ -110,15 +127,15 @@ class LogWriter:
         if self._failure:
             raise LogError(self._failure)
         try:
-            self._cut = self._cut or os.fstat(self._file.fileno()).st_size < self._written
             self._mcap.flush()
         except OSError as error:
             raise self._fail(error.strerror or str(error)) from None
-        self._written, self.flush_due = self._file.tell(), monotonic() + self.flush_period
+        self.flush_due = monotonic() + self.flush_period
 
     def whereabouts(self) -> str:
         """Return a sentence on what others have done to the open file, '' where it is as it should be."""
         try:
+            given = self._file.raw.given   # before the size: the file grows
             mine = os.fstat(self._file.fileno())
             try:
                 there = os.stat(self.path)
@@ -133,7 +150,7 @@ class LogWriter:
             return f'{name}: the file has been moved, recording continues in it at its new place'
         if not os.path.samestat(mine, there):
             return f'{name}: another file has this name now, recording continues in the first one'
-        if self._cut or mine.st_size < self._written:
+        if mine.st_size < given:
             return f'{name}: the file has been cut short, the log is damaged'
         return ''
 
@@ -179,7 +196,7 @@ class LogWriter:
                 raise LogError(f'log {str(self.path)!r}: it is a directory, must be the name of a new file')
             if not self.path.parent.is_dir():
                 raise LogError(f'log {str(self.path)!r}: its folder {str(self.path.parent)!r} does not exist')
-            return open(self.path, 'xb')
+            return BufferedWriter(_NewFile(self.path))
         except FileExistsError:
             raise LogError(f'log {str(self.path)!r}: the file exists and is not overwritten, give a new name') from None
         except (OSError, ValueError) as error:
