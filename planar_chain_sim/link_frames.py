@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, Optional
 
 import numpy as np
 
-from .planar_robot import child_place, planar_data
+from .planar_robot import body_names, child_place, planar_data
 from .urdf_reader import Reader
 from .xml_elements import read_xml
 
@@ -35,7 +35,9 @@ class LinkFrames:
     def __init__(self, urdf: str, hold: Mapping = {}, plane=None):
         self._robot = Reader(read_xml(urdf, 'the URDF'), 'the URDF').robot(dict(hold))
         self._joints = {joint.child: joint for joint in self._robot.joints}
-        self._plane = planar_data(self._robot, 'the URDF')[1].basis[:2] if plane is None else np.array(plane)
+        self._flat = plane is not None
+        self._plane = np.array(plane) if self._flat else planar_data(self._robot, 'the URDF')[1].basis[:2]
+        self._sides = {} if self._flat else self._sides_of_bodies()
 
     @property
     def root(self) -> str:
@@ -72,10 +74,36 @@ class LinkFrames:
             turn, shift = turn @ step.turn, shift + turn @ step.shift
         return turn, shift
 
-    def seen_from(self, link: str, points, position: Mapping) -> np.ndarray:
-        """Return points of the plane, complex (n,), m, in a link's frame (n, 3), or the root's for no such link."""
+    def _sides_of_bodies(self) -> dict:
+        """Return body -> how far its link lies along the normal, m, and {slide along it: m per m}."""
+        robot, normal = self._robot, np.cross(*self._plane)
+        places, sides = {robot.root: (np.eye(3), np.zeros(3))}, {robot.root: (0.0, {})}
+        for joint in robot.joints:
+            turn, shift = places[joint.child] = child_place(joint, *places[joint.parent])
+            slides = sides[joint.parent][1]
+            if joint.moves and joint.kind == 'slide' and abs(along := float(normal @ turn @ joint.axis)) > 0.5:
+                slides = {**slides, joint.name: along}
+            sides[joint.child] = float(normal @ shift), slides
+        return {body: sides[link] for link, body in body_names(robot).items() if link != robot.root}
+
+    def beside(self, body: str, position: Mapping) -> Optional[float]:
+        """Return how far from the chain's plane a body lies along its normal, m; None for a body that is no link."""
+        if self._flat:
+            return 0.0
+        if body not in self._sides:
+            return None
+        start, slides = self._sides[body]
+        return start + sum(along * position[slide] for slide, along in slides.items())
+
+    def seen_from(self, link: str, points, beside, position: Mapping) -> np.ndarray:
+        """
+        Return points in a link's frame (n, 3), m, or in the root's for no such link.
+
+        `points`: complex (n,), m, in the plane; `beside`: (n,), m, how far from it each lies along its normal.
+        """
         points = np.asarray(points)
-        places = np.stack([points.real, points.imag], axis=1) @ self._plane
+        places = (np.stack([points.real, points.imag], axis=1) @ self._plane
+                  + np.asarray(beside)[:, None] * np.cross(*self._plane))
         turn, shift = self.pose(link, position) if link in self._joints else (np.eye(3), np.zeros(3))
         return (places - shift) @ turn
 

@@ -98,10 +98,8 @@ def planar_data(robot: SpatialRobot, name: str) -> tuple[dict, Plane]:
         _refuse_idle(robot, carried, name)
         bodies = {joint.child: _body(robot, joint, places, plane, name) for joint in robot.joints}
         lifts = _lifts(robot, places, plane, carried)
-    taken = {'base'}   # a link may have this name, a body may not
-    names = {robot.root: 'base'}
-    for link in bodies:
-        names[link] = _new_name(link, taken)
+    names = body_names(robot)
+    taken = set(names.values())
     lift_names = {joint: _new_name(f'{joint}_load', taken) for joint in lifts}
     listed = []
     for joint in robot.joints:
@@ -110,6 +108,12 @@ def planar_data(robot: SpatialRobot, name: str) -> tuple[dict, Plane]:
             carrier, body = lifts[joint.name]
             listed.append({'name': lift_names[joint.name], 'carrier': lift_names.get(carrier, 'base'), **body})
     return {'name': robot.name, 'gravity': _pair(plane.gravity[:2]), 'bodies': listed}, plane
+
+
+def body_names(robot: SpatialRobot) -> dict:
+    """Return link -> name of its body, 'base' for the root: a link may have that name, a body may not."""
+    taken = {'base'}
+    return {robot.root: 'base', **{joint.child: _new_name(joint.child, taken) for joint in robot.joints}}
 
 
 def _new_name(name: str, taken: set) -> str:

@@ -248,6 +248,19 @@ def test_lockstep_takes_the_first_answer_to_the_state_outstanding():
     assert parts(answers.admit(Command((0,), (8.0,)), -5)) == ([0], [8.0]), 'past 2038 DDS has no time'
 
 
+def test_an_answer_from_before_a_reset_is_none_to_the_state_after_it():
+    """Both states have the same stamp; an answer that was sent in time to the first acts no more."""
+    answers = Answers((0,))
+    answers.await_for(stamp=7, shown=100, since=0)
+    assert parts(answers.admit(Command((0,), (1.0,), stamp=7), 99)) == ([0], [1.0]), 'by its stamp alone'
+    answers.await_for(stamp=7, shown=200, since=0)
+    old = answers.admit(Command((0,), (2.0,), stamp=7), 199)
+    assert parts(old) == ([], []) and [reason for reason, _ in old.ignored] == ['early answer']
+    assert parts(answers.admit(Command((0,), (3.0,), stamp=7), 201)) == ([0], [3.0])
+    answers.await_for(stamp=8, shown=300, since=0)
+    assert parts(answers.admit(Command((0,), (4.0,), stamp=8), 299)) == ([0], [4.0]), 'a clock that was set back'
+
+
 def test_a_topic_that_is_none_is_refused():
     with pytest.raises(TypeError):
         plain_command(b'', np.zeros(2), 0, None)

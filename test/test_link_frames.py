@@ -15,6 +15,7 @@ import planar_chain_sim as pcs
 from planar_chain_sim.chain_yaml import chain_from_text
 from planar_chain_sim.link_frames import LinkFrames, quaternion
 from planar_chain_sim.pictures import body_lines
+from planar_chain_sim.planar_robot import body_names
 from planar_chain_sim.urdf_writer import link_names, urdf_of
 
 ROOT = Path(__file__).parents[1]
@@ -31,9 +32,25 @@ TILTED = """<robot name="r"><link name="stand"/>
     <axis xyz="0 -1 0"/></joint>
   <joint name="w" type="fixed"><parent link="b"/><child link="tip"/><origin xyz="0 .1 -.4" rpy="1 2 3"/></joint>
 </robot>"""
+# Slides along the normal: 'b' leaves the plane, with what it carries.
+OUT_OF_PLANE = """<robot name="r"><link name="stand"/>
+  <link name="base"><inertial><origin xyz="0 0 -.5"/><mass value="2"/>
+    <inertia ixx=".1" iyy=".1" izz=".1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="b"><inertial><origin xyz="0 0 -.3"/><mass value="1"/>
+    <inertia ixx=".02" iyy=".02" izz=".02" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="c"><inertial><origin xyz="0 0 -.1"/><mass value="1"/>
+    <inertia ixx=".02" iyy=".02" izz=".02" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="s" type="continuous"><parent link="stand"/><child link="base"/><origin xyz=".1 .2 .3" rpy=".4 .5 .6"/>
+    <axis xyz="0 1 0"/></joint>
+  <joint name="e" type="prismatic"><parent link="base"/><child link="b"/><origin xyz="0 .1 -1" rpy="0 .3 0"/>
+    <axis xyz="0 -1 0"/><limit lower="-1" upper="1" effort="10" velocity="1"/></joint>
+  <joint name="k" type="continuous"><parent link="b"/><child link="c"/><origin xyz="0 -.2 -.6"/><axis xyz="0 1 0"/>
+  </joint>
+</robot>"""
 TEXTS = {'four_link_robot': lambda: urdf_of(pcs.load_chain('four_link_robot.yaml')),
          'cart_arm_telescope': lambda: urdf_of(pcs.load_chain('cart_arm_telescope.yaml')),
-         'tree': lambda: urdf_of(random_tree(3, 8)), 'tilted': lambda: TILTED}
+         'tree': lambda: urdf_of(random_tree(3, 8)), 'tilted': lambda: TILTED,
+         'out of plane': lambda: OUT_OF_PLANE}
 
 
 @pytest.fixture(params=TEXTS)
@@ -83,17 +100,15 @@ def test_markers_lie_on_the_links_in_whatever_frame_is_named(urdf):
         chain, position, by_name, robot = at_random(urdf, seed)
         array = marker_array(chain, frames, 1_500_000_000, position, frame)
         seen_from = frame if frame in frames.links else frames.root
-        normal = frames._plane
-        for marker, body in zip(array.markers, chain.bodies):
-            assert marker.ns == body.name and marker.header.frame_id == frame
+        links = {body: link for link, body in body_names(frames._robot).items() if link != frames.root}
+        drawn = [body.name for body in chain.bodies if body.name in links]
+        assert [marker.ns for marker in array.markers] == [*drawn, 'joint points'], 'and no body that is no link'
+        for marker in array.markers[:-1]:
+            assert marker.header.frame_id == frame
             assert (marker.header.stamp.sec, marker.header.stamp.nanosec) == (1, 500_000_000)
             start = np.array([marker.points[0].x, marker.points[0].y, marker.points[0].z])
-            wanted = robot.get_transform(body.name, seen_from)[:3, 3]
-            # The plane runs through the root's origin: what stands beside it is drawn in it.
-            turn, shift = frames.pose(seen_from, by_name)
-            across = np.cross(*normal) @ turn
-            off = wanted - start
-            np.testing.assert_allclose(off - (off @ across) * across, 0.0, atol=1e-12)
+            wanted = robot.get_transform(links[marker.ns], seen_from)[:3, 3]
+            np.testing.assert_allclose(start, wanted, atol=1e-12)
 
 
 def test_markers_in_base_link_are_flat_and_in_world_upright():

@@ -226,7 +226,16 @@ def test_a_command_to_a_motion_that_has_ended_is_told():
         peer.commands.publish(in_order(0, 1e306, 0, 0, 0))
         peer.until(lambda: events(peer, 'divergence'))
         peer.commands.publish(in_order(0, 0, 0, 0, 0))
-        expect_trace(peer, 'ignored', 'motion ended', 'a command has no effect, as the motion has ended', '')
+        expect_trace(peer, 'ignored', 'motion ended', 'has no effect, as the motion has ended',
+                     '/ended/simulator/commands')
+        before = len(process.lines)
+        peer.commands.publish(in_order(0, 0))
+        expect_trace(peer, 'rejected', 'wrong length', 'it has 2 efforts, must have 5', '/ended/simulator/commands')
+        peer.events.clear()
+        peer.joint_commands.publish(by_name(name=JOINTS, effort=[0.0] * 5))   # which is looked at after that one
+        expect_trace(peer, 'ignored', 'motion ended', 'has no effect', '/ended/simulator/joint_commands')
+        told = [line for line in process.lines[before:] if '/ended/simulator/commands' in line]
+        assert len(told) == 1 and 'rejected' in told[0], 'one warning of a command that is refused'
         assert process.stop() == 0, process.output
 
 

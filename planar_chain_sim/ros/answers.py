@@ -12,13 +12,15 @@ class Answers:
 
     `joints`: indices of those that must have a command. A JointState answers the state whose stamp it
     repeats, a Float64MultiArray the outstanding state, unless the middleware received it before that was published.
+    After a reset the state has the stamp of the one before; then this holds for a JointState too.
     The first answer counts. Joints that are not waited for take any command.
     """
 
     def __init__(self, joints: Sequence[int]):
         self._joints = frozenset(joints)
         self.missing = set()
-        self.stamp = self.shown = self.since = 0
+        self.stamp, self.shown, self.since = -1, 0, 0
+        self._anew = False  # whether the state before had the same stamp
         self.told = False  # whether silence has been reported
 
     def await_for(self, stamp: int, shown: int, since: int) -> None:
@@ -28,6 +30,7 @@ class Answers:
         It was shown at `shown`, ns since the epoch, by the clock that the middleware has, and at `since`, ns, by the
         steady one.
         """
+        self._anew = stamp == self.stamp
         self.stamp, self.shown, self.since, self.told = stamp, shown, since, False
         self.clear()
 
@@ -46,10 +49,10 @@ class Answers:
 
     def admit(self, command: Command, received: int) -> Command:
         """Return what acts of a command received at this time, ns since the epoch, or 0; and why the rest does not."""
-        if command.stamp is None:
-            answers = received <= 0 or received >= self.shown  # DDS counts seconds in 32 bits, and has no later time
-        else:
-            answers = command.stamp == self.stamp
+        answers = command.stamp in (None, self.stamp)
+        if command.stamp is None or self._anew:
+            # DDS counts seconds in 32 bits, and has no later time
+            answers = answers and (received <= 0 or received >= self.shown)
         acting = [(joint, value) for joint, value in zip(command.joints, command.efforts)
                   if joint not in self._joints or (answers and joint in self.missing)]
         if len(acting) == len(command.joints):
@@ -64,7 +67,7 @@ class Answers:
         """Return why a command, or a part of it, is no answer to the state outstanding: reason, sentence."""
         if answers:
             return 'second answer', 'is for joints that already have a command for this state; the first one counts'
-        if command.stamp is None:
+        if command.stamp in (None, self.stamp):
             return 'early answer', 'came before the state that waits for an answer was published'
         if not command.stamp:
             return 'no stamp', 'has no stamp, in lockstep it must repeat that of the state it answers'

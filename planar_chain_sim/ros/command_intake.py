@@ -23,8 +23,8 @@ class CommandIntake:
     returns False where it has done so for this key in the last second.
     `commanded`: of CommandReader. held: HeldEffort. rejected, ignored: Counters of reasons, of messages that are
     refused and of those that have, in part or whole, no effect. superseded: how many a newer one has overtaken before
-    they acted. fresh: whether anything has come since the owner set it to False. wrenches: body -> the newest wrench
-    for it, as the change 'wrench' has it, until the owner takes it out.
+    they acted. fresh: topics of what has come and was not refused, until the owner clears it. wrenches: body -> the
+    newest wrench for it, as the change 'wrench' has it, until the owner takes it out.
     """
 
     def __init__(self, chain, commanded, inputs, context, publication, warn):
@@ -37,7 +37,7 @@ class CommandIntake:
         self._reader = CommandReader(self._names, commanded)
         self._wrench_reader = WrenchReader([body.name for body in chain.bodies])
         self.held, self.rejected, self.ignored = HeldEffort(len(self._names)), Counter(), Counter()
-        self.superseded, self.fresh = 0, False
+        self.superseded, self.fresh = 0, set()
         self.wrenches, self._pushes = {}, []  # the second: messages not yet read
         self._heard = self._next = ()  # keys of the inputs that have a publisher; of those to be polled next time
         self._waker = GuardCondition(lambda: None, None, context=context)
@@ -86,6 +86,7 @@ class CommandIntake:
             event = plain_command(arrived[0][2], self.held.effort, tick, self._topics['commands'])
             if event:
                 self.held.renew(tick)
+                self.fresh.add(self._topics['commands'])
                 self._publication.tell_message(event)
                 return None
         acting, rejected, settled = [], {}, set()
@@ -105,6 +106,7 @@ class CommandIntake:
                 self.ignore(topic, reason, f'command on {topic} {sentence}')
             if command.joints:
                 acting.append((topic, command))
+                self.fresh.add(topic)
                 self.superseded += not answers and settled.issuperset(command.joints)
                 settled.update(command.joints)
         for topic, errors in rejected.items():
@@ -132,7 +134,6 @@ class CommandIntake:
                     self._pushes.append(data)
                 if len(data) <= LONGEST_MESSAGE:
                     self._publication.record_command(self._topics[key], data, about['source_timestamp'])
-        self.fresh = self.fresh or bool(arrived or self._pushes)
         # Each topic keeps its own order; between the two, the time at which the middleware received a message decides.
         if len(keys) > 1:
             arrived.sort(key=itemgetter(0))
@@ -148,6 +149,7 @@ class CommandIntake:
                     self.ignore(topic, 'out of plane', f'wrench on {topic} {ignored}')
                 self.superseded += wrench['body'] in self.wrenches
                 self.wrenches[wrench['body']] = wrench
+                self.fresh.add(topic)
             except CommandError as error:
                 errors.append(error)
         self._pushes.clear()

@@ -1,4 +1,4 @@
-"""~/markers: the bodies as lines, without TF, in the frame of `frame_id`."""
+"""~/markers: the bodies as lines, without TF, in the frame of `frame_id`, where the URDF has them."""
 from __future__ import annotations
 
 from geometry_msgs.msg import Point
@@ -17,13 +17,18 @@ def marker_array(chain, frames, stamp: int, position, frame_id: str) -> MarkerAr
 
     `frame_id`: a link of `frames` (LinkFrames), in whose frame they are drawn; any other is taken as the root's.
     """
-    lines = [[end for line in lines for end in line] for lines in body_lines(chain, position)]
-    ends = [end for line in lines for end in line]
-    places = iter(frames.seen_from(frame_id, ends, dict(zip(chain.joint_names, position))))
+    by_name = dict(zip(chain.joint_names, position))
+    lines = []   # number and body; ends of its lines; how far it lies from the plane
+    for number, body in enumerate(body_lines(chain, position)):
+        beside = frames.beside(chain.bodies[number].name, by_name)
+        if beside is not None:   # what a slide along the normal carries, on its own, is drawn as the links it carries
+            lines.append((number, [end for line in body for end in line], beside))
+    places = iter(frames.seen_from(frame_id, [end for _, line, _ in lines for end in line],
+                                   [beside for _, line, beside in lines for _ in line], by_name))
     markers, points = [], []
-    for number, (body, line) in enumerate(zip(chain.bodies, lines)):
+    for number, line, _ in lines:
         drawn = [Point(x=float(x), y=float(y), z=float(z)) for x, y, z in (next(places) for _ in line)]
-        marker = _marker(Marker.LINE_LIST, body.name, drawn, body_color(chain, number))
+        marker = _marker(Marker.LINE_LIST, chain.bodies[number].name, drawn, body_color(chain, number))
         marker.scale.x = WIDTH
         markers.append(marker)
         points.append(drawn[0])

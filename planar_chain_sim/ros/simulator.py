@@ -205,10 +205,10 @@ class Simulator:
             sleep(min(self._repeat_due - now, LONGEST_SLEEP) * 1e-9)
             return
         self._latch()
-        if self._end and self._intake.fresh:
-            self._intake.ignore('', 'motion ended', f'a command has no effect, as the motion has ended ({self._end}); '
-                                '~/reset goes on from the initial state')
-        self._intake.fresh = False
+        for topic in self._intake.fresh if self._end else ():
+            self._intake.ignore(topic, 'motion ended', f'a message on {topic} has no effect, as the motion has ended '
+                                f'({self._end}); ~/reset goes on from the initial state')
+        self._intake.fresh.clear()
         period = round(1e9 * self._simulation.step * self._publication.ticks_per_state)   # of the wall, at any pace
         self._repeat_due = now + min(period, LONGEST_SILENCE)
         self._show(record=False)
@@ -246,7 +246,7 @@ class Simulator:
         if held_up > self._told_of:
             self._publication.event('held_up', seconds=(held_up - self._told_of) * 1e-9)
             self._warn('held up', f'the middleware held up publishing for {held_up * 1e-9:.3f} s, as happens when '
-                       'others join; the node catches up, no tick is dropped')
+                       'others join; the node catches up with that, unless more lateness comes on top')
         self._told_of = held_up
         if late > LONGEST_LATENESS + held_up:
             self._drop_time(now)
@@ -266,6 +266,7 @@ class Simulator:
         except SimulationError as error:
             self._tell_joint_events()
             self._end = error
+            self._intake.fresh.clear()   # that came before
             publication.event('divergence' if error.ran_away else 'stopped', message=str(error), reason=error.reason,
                               joint=error.joint, body=error.body,
                               time=error.time, position=error.position.tolist(), velocity=error.velocity.tolist())
