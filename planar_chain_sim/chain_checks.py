@@ -35,6 +35,14 @@ JOINT_KEYS = ('joint', 'axis', *JOINT_NUMBERS)
 GRAVITY = complex(0.0, -9.81)
 
 
+class SingularError(ChainError):
+    """A chain whose mass matrix is singular in every configuration: the `joint` to blame, and `why`."""
+
+    def __init__(self, sentence: str, joint: str = '', why: str = ''):
+        super().__init__(sentence)
+        self.joint, self.why = joint, why
+
+
 def build_chain(data, file: str, source: Optional[str] = None) -> Chain:
     """
     Return the chain that plain data describes, checked; ChainError otherwise.
@@ -173,8 +181,11 @@ def refuse_singular(chain, sections):
     index = next(i for i, body in enumerate(chain.bodies) if name in [j.name for j in (body.slide, body.rotation) if j])
     kind = 'slide' if chain.bodies[index].slide and chain.bodies[index].slide.name == name else 'rotation'
     why = lack_of_inertia(chain.bodies, index, kind)
-    sections[index].fail(kind, f"has the joint '{clipped(name)}', which makes the mass matrix singular in every "
-                         f"configuration because {why}, must have mass, inertia or 'armature' to move")
+    try:
+        sections[index].fail(kind, f"has the joint '{clipped(name)}', which makes the mass matrix singular in every "
+                             f"configuration because {why}, must have mass, inertia or 'armature' to move")
+    except ChainError as error:
+        raise SingularError(str(error), name, why) from None
 
 
 def lack_of_inertia(bodies, index, kind) -> str:

@@ -72,7 +72,8 @@ class Parser(ArgumentParser):
 def add_hold(parser: Parser) -> None:
     """Add `--hold`, for load_chain(..., hold=...)."""
     parser.add_argument('--hold', action='append', metavar='JOINT[=VALUE]', help='weld a joint at this '
-                        'value, rad or m, or at its initial position; can be given several times')
+                        'value, rad or m (an angle also as 90deg), or at its initial position; can be given several '
+                        'times')
 
 
 def refuse_hold(options) -> None:

@@ -167,7 +167,8 @@ class Mechanism:
                 elif child.tag == 'inertial' and index >= 0 and child_depth == 1 and not self.bodies[index].inertial:
                     self.bodies[index].inertial = child
                 elif child.tag == 'freejoint':
-                    child.fail('lets its body move freely: the robot is not planar, must be a hinge or slide')
+                    child.fail('lets its body move freely: the robot is not planar, must be a hinge or slide, or be '
+                               'removed, which fixes the body where it is drawn')
                 elif child.tag not in UNSEEN:
                     child.fail('is not read here, must be a body, geom, joint, inertial or frame')
             if index >= 0:
@@ -212,7 +213,8 @@ class Mechanism:
         element.refuse_unknown(JOINT_KNOWN)
         kind = element.word('type', ('hinge', 'slide', 'ball', 'free'), 'hinge')
         if kind in ('ball', 'free'):
-            element.fail(f'is of type {kind}, must be hinge or slide: the robot is not planar')
+            element.fail(f'is of type {kind}: the robot is not planar, must be a hinge or slide, or be removed, which '
+                         'fixes the body where it is drawn')
         axis = np.array(element.numbers('axis', 3, 3) or (0.0, 0.0, 1.0))
         length = np.linalg.norm(axis)
         if not 1e-14 < length < inf:
@@ -246,7 +248,7 @@ class Mechanism:
         elif drawn_at:
             laws['position'] = drawn_at
         if force := self.range_of(element, 'actuatorfrcrange', 'actuatorfrclimited'):
-            laws['force'] = max(map(abs, force))
+            laws['force'] = force
         return {key: value for key, value in laws.items() if value or key in ('lower', 'upper', 'force')}
 
     def range_of(self, element: Element, key: str, limited: str) -> Optional[list]:
@@ -269,10 +271,8 @@ class Mechanism:
             if not (from_geoms and self._mass_from_geoms(body)):
                 if body.inertial is not None:
                     self._mass_from_inertial(body)
-                else:   # where MuJoCo puts a mass that boundmass makes: as far from the body as that from its parent
-                    turn, point = (np.eye(3), np.zeros(3)) if body.parent < 0 else (
-                        self.bodies[body.parent].turn, self.bodies[body.parent].point)
-                    body.center = body.point + body.turn @ turn.T @ (body.point - point)
+                else:   # where MuJoCo puts a mass that boundmass makes: at `pos` as written, without frames around it
+                    body.center = body.point + body.turn @ self.compiler.pose(body.element)[1]
             body.mass = max(body.mass, compiler.bound_mass)
             moments, axes = np.linalg.eigh(body.inertia) if np.isfinite(body.inertia).all() else (np.zeros(3), None)
             bounded = np.maximum(moments, compiler.bound_inertia)

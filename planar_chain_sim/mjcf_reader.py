@@ -14,10 +14,11 @@ import numpy as np
 
 from .chain import Chain, ChainError, RobotFileNote
 from .chain_section import clipped, suggestion
+from .hold import held_at
 from .mjcf_bodies import Hinge, Mechanism, new_name
 from .mjcf_document import Classes, Element
 from .mjcf_geoms import Touching
-from .planar_robot import account, Link, planar_data, SpatialJoint, SpatialRobot, turn_about
+from .planar_robot import account, chain_of, Link, planar_data, quoted, SpatialJoint, SpatialRobot, turn_about
 
 JOINT_MOTORS = ('general', 'motor')
 IDLE_ACTUATORS = ('damper', 'adhesion', 'cylinder')   # of no force while nobody commands them
@@ -30,17 +31,13 @@ def chain_from_mjcf(text: str, name: str, hold: dict) -> Chain:
     `hold`: joint -> where it is welded, None for its initial position. A RobotFileNote tells in one line what was done,
     and what of the file has no part in the motion. ChainError, one sentence, for what is no planar mechanism.
     """
-    from .chain_yaml import chain_from_dict
     with np.errstate(all='ignore'):   # what is not finite is refused where it lands
         reader = Reader(text, name)
         robot = reader.robot(hold)
         data, plane = planar_data(robot, name)
         reader.refuse_contacts(plane)
         reader.refuse_uneven_gravcomp(plane)
-    try:
-        chain = chain_from_dict(data)
-    except ChainError as error:
-        raise ChainError(f'{name}: {error}') from None
+    chain = chain_of(data, name)
     told = '; '.join([*account(robot, chain, plane), *reader.account()])
     warnings.warn(f'{name}: {told}', RobotFileNote, stacklevel=5)
     return chain
@@ -53,12 +50,14 @@ class Reader(Mechanism):
         """Return the tree of links; joints that `hold` names are welded."""
         self._compensate_gravity()
         self._refuse_constraints()
-        self._read_actuators()
+        self._read_actuators(hold)
         self._read_keyframe()
+        kinds = {joint.name: joint.kind for body in self.bodies for joint in body.joints}
         for joint in hold:
             if joint not in self.joint_names:
                 raise ChainError(f"{self.file}: hold names '{clipped(joint)}', which the file does not have"
                                  f'{suggestion(joint, sorted(self.joint_names))}, must name its joints')
+            hold[joint] = held_at(joint, hold[joint], kinds[joint] == 'slide', self.file)
         return self._robot(hold)
 
     def account(self) -> list:
@@ -101,7 +100,7 @@ class Reader(Mechanism):
             if active != 'false' and 'equality' not in self.disabled:
                 element.fail(f'is a constraint (equality {clipped(element.tag)}), which is not read, must be removed '
                              'or have active="false"')
-            self.unused.append(f"equality {clipped(element.text('name') or element.tag)}")
+            self.unused.append(_label(element, 'equality'))
         for element in self.entries('tendon'):
             tag = Element('tendon', element.attributes, element.line, self.file)
             resolved = self.classes.resolve(tag)
@@ -111,37 +110,36 @@ class Reader(Mechanism):
                 acts.append('range')
             if acts:
                 element.fail(f'is a tendon with {acts[0]}, which is not read, must have none')
-            self.unused.append(f"tendon {clipped(element.text('name') or element.tag)}")
+            self.unused.append(_label(element, 'tendon'))
         for element in self.entries('deformable'):
             if element.tag == 'flex':
                 element.fail('is a flexible body, must be rigid bodies only')
 
-    def _read_actuators(self) -> None:
+    def _read_actuators(self, hold: dict) -> None:
         joints = {joint.name: joint for body in self.bodies for joint in body.joints}
-        limits: dict = {}
+        forces: dict = {}   # joint -> least and largest force, N m or N, that its motors give together
         for element in self.entries('actuator'):
             resolved = self.classes.resolve(element)
-            name = clipped(element.text('name') or element.tag)
             target = resolved.text('joint') or resolved.text('jointinparent')
             if 'actuation' in self.disabled:
-                self.unused.append(f'actuator {name} (actuation is disabled)')
+                self.unused.append(f"{_label(element, 'actuator')} (actuation is disabled)")
                 continue
             if element.tag not in Classes.ACTUATORS:
                 element.fail('is not an actuator of MJCF, must be a motor')
             if element.tag in IDLE_ACTUATORS:
                 if any(resolved.numbers('bias', 1, 3) or ()):
-                    self._servo(element, name)
-                self.unused.append(f'{element.tag} {name}')
+                    self._servo(element)
+                self.unused.append(_label(element))
                 continue
             if element.tag not in JOINT_MOTORS or (element.tag == 'general' and self._has_bias(resolved)):
-                self._servo(element, name)
+                self._servo(element)
             if not target:
-                self.unused.append(f'{element.tag} {name} (not at a joint)')
+                self.unused.append(f'{_label(element)} (not at a joint)')
                 continue
             if target not in joints:
                 element.fail(f"names the joint '{clipped(target)}', which is not there"
                              f'{suggestion(target, list(joints))}, must name a joint of the file')
-            gear = abs((resolved.numbers('gear', 1, 6) or [1.0])[0])
+            gear = (resolved.numbers('gear', 1, 6) or [1.0])[0]
             joint = joints[target]
             for ours, key in (('armature', 'armature'), ('damping', 'damping')):   # the motor's own, behind its gear
                 values = resolved.numbers(key, 1, 3) or [0.0]
@@ -149,16 +147,27 @@ class Reader(Mechanism):
                     element.fail(f'has a {key} that is not linear, must be one number')
                 if values[0] and not (key == 'damping' and 'damper' in self.disabled):
                     joint.laws[ours] = joint.laws.get(ours, 0.0) + gear**2 * values[0]
-            limits.setdefault(target, []).append(gear * self._force_limit(resolved, element.tag, name))
+            force = _times(self._forces(resolved, element), gear)
+            if not any(force):
+                self.notes.append(f'{_label(element)} gives no force')
+            forces[target] = tuple(sum(both) for both in zip(forces.get(target, (0.0, 0.0)), force))
+        uneven = []
         for name, joint in joints.items():
-            force = joint.laws.pop('force', inf)
-            force = min(force, sum(limits[name]) if name in limits else inf)
-            if force < inf:
-                joint.laws['effort_limit'] = force
-        if limits:
+            force = _within(forces.get(name, (-inf, inf)), joint.laws.pop('force', (-inf, inf)))
+            if not force[0] <= 0.0 <= force[1]:
+                joint.element.fail('has an actuatorfrcrange that moves it without a command, must have one with 0 in '
+                                   'it')
+            if -force[0] != force[1] and name not in hold:
+                uneven.append(name)
+            if max(-force[0], force[1]) < inf:
+                joint.laws['effort_limit'] = max(0.0, -force[0], force[1])
+        if uneven:
+            self.notes.append(f'effort limits taken as symmetric, by their larger side, at {quoted(uneven)}')
+        moved = [name for name in forces if name not in hold]
+        if moved:
             self.notes.append('commands are efforts, N m or N, gears applied; limits by motors: ' + ', '.join(
-                f"{clipped(name)} {joints[name].laws.get('effort_limit', inf):g}" for name in list(limits)[:16]))
-            idle = [clipped(name) for name in joints if name not in limits]
+                f"{clipped(name)} {joints[name].laws.get('effort_limit', inf):g}" for name in moved[:16]))
+            idle = [clipped(name) for name in joints if name not in forces and name not in hold]
             if idle:
                 self.notes.append(f"without a motor, but can be commanded here: {', '.join(idle[:16])}")
 
@@ -167,30 +176,30 @@ class Reader(Mechanism):
             return False
         return bool(element.text('servo')) or any(element.numbers('biasprm', 0, 20) or ())
 
-    def _servo(self, element: Element, name: str) -> None:
+    def _servo(self, element: Element) -> None:
         element.fail(f'moves its joint without a command ({clipped(element.tag)} actuator), which is not read, must be '
                      'a motor')
 
-    def _force_limit(self, element: Element, kind: str, name: str) -> float:
-        """Return the largest force, N m or N before the gear, that a motor gives."""
-        limit, gain = inf, 1.0
-        if kind == 'general':
+    def _forces(self, resolved: Element, element: Element) -> tuple[float, float]:
+        """Return the least and the largest force, N m or N before the gear, that a motor gives."""
+        gain = 1.0
+        if element.tag == 'general':
             for key, usual in (('gaintype', 'fixed'), ('dyntype', 'none')):
-                if element.text(key, usual) != usual:
-                    self.unused.append(f'{key} of {name}')
+                if resolved.text(key, usual) != usual:
+                    self.unused.append(f'{key} of {_label(element)}')
                     gain = inf if key == 'gaintype' else gain
-            gain *= abs((element.numbers('gainprm', 0, 20) or [1.0])[0])
-        command = self.range_of(element, 'ctrlrange', 'ctrllimited')
-        if command and 'clampctrl' not in self.disabled and 0.0 < gain < inf:
-            limit = gain * self._symmetric(command, 'ctrlrange', name)
-        if force := self.range_of(element, 'forcerange', 'forcelimited'):
-            limit = min(limit, self._symmetric(force, 'forcerange', name))
-        return limit
-
-    def _symmetric(self, values: list, key: str, name: str) -> float:
-        if values[0] != -values[1]:
-            self.notes.append(f'{key} of {name} is taken as symmetric, by its larger side')
-        return max(map(abs, values))
+            gain *= (resolved.numbers('gainprm', 0, 20) or [1.0])[0] or (0.0 if gain < inf else 1.0)
+        force = -inf, inf
+        command = self.range_of(resolved, 'ctrlrange', 'ctrllimited')
+        if command and 'clampctrl' not in self.disabled and abs(gain) < inf:
+            force = tuple(command)
+        force = _times(force, gain)
+        if limits := self.range_of(resolved, 'forcerange', 'forcelimited'):
+            force = _within(force, limits)
+        if not force[0] <= 0.0 <= force[1]:
+            element.fail('moves its joint without a command, as its range does not have 0 in it, must be a motor with '
+                         '0 in its range')
+        return force
 
     def _read_keyframe(self) -> None:
         keys = self.entries('keyframe')
@@ -273,3 +282,21 @@ class Reader(Mechanism):
             held = joint.laws.get('position', 0.0) if hold[joint.name] is None else hold[joint.name]
         return SpatialJoint(joint.name, joint.kind, parent, child, turn.T @ own_turn, turn.T @ (own_shift - shift),
                             axis, joint.laws, held)
+
+
+def _label(element: Element, kind: str = '') -> str:
+    """Return how a note names an element: by its name, else by where it is."""
+    if name := element.text('name'):
+        return f'{kind or clipped(element.tag)} {clipped(name)}'
+    return f"{clipped(element.tag)}{f' {kind}' if kind else ''} on line {element.line}"
+
+
+def _times(ends: tuple, factor: float) -> tuple[float, float]:
+    """Return the ends of a range times a factor; 0 times infinity is 0."""
+    products = [end * factor if factor and end else 0.0 for end in ends]
+    return min(products), max(products)
+
+
+def _within(ends: tuple, limits: tuple) -> tuple[float, float]:
+    """Return the ends of what is clamped to limits."""
+    return tuple(min(max(end, limits[0]), limits[1]) for end in ends)

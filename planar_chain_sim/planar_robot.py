@@ -12,6 +12,7 @@ the arm, with the inertia of everything it carries and the weight along the norm
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+import re
 from typing import NamedTuple, Optional
 
 import numpy as np
@@ -25,6 +26,8 @@ TINY = 1e-12        # m, kg m^2: what is smaller is the rounding of a turned fra
 GRAVITY = 9.81      # m/s^2 along -z, as everywhere where URDF is used
 DIRECTIONS = 64     # of axes that are tried as the plane's normal
 UP = np.array([0.0, 0.0, 1.0])
+HERE = 'on this body or outboard of it'
+KEYS, IN_LINK = re.compile(r"bodies\[\d+\]\S*: body '(.*?)' key '([^']*)'"), r"link '\1': \2"   # of a chain file
 
 
 @dataclass
@@ -114,6 +117,21 @@ def body_names(robot: SpatialRobot) -> dict:
     """Return link -> name of its body, 'base' for the root: a link may have that name, a body may not."""
     taken = {'base'}
     return {robot.root: 'base', **{joint.child: _new_name(joint.child, taken) for joint in robot.joints}}
+
+
+def chain_of(data: dict, name: str):
+    """Return the chain of planar_data; ChainError in words of the robot: links and joints, not keys."""
+    from .chain_checks import SingularError
+    from .chain_yaml import chain_from_dict
+    try:
+        return chain_from_dict(data)
+    except SingularError as error:
+        joint = clipped(error.joint)
+        raise ChainError(f"{name}: joint '{joint}' makes the mass matrix singular in every configuration because "
+                         f'{error.why.replace(HERE, "that it carries")}, must move some or be held (hold \'{joint}\')'
+                         ) from None
+    except ChainError as error:
+        raise ChainError(f'{name}: {KEYS.sub(IN_LINK, str(error))}') from None
 
 
 def _new_name(name: str, taken: set) -> str:

@@ -15,7 +15,8 @@ import numpy as np
 
 from .chain import Chain, ChainError, RobotFileNote
 from .chain_section import clipped, suggestion
-from .planar_robot import account, Link, listed, planar_data, quoted, SpatialJoint, SpatialRobot
+from .hold import held_at
+from .planar_robot import account, chain_of, Link, listed, planar_data, quoted, SpatialJoint, SpatialRobot
 from .urdf_writer import UNLIMITED
 from .xml_elements import Element, read_xml
 
@@ -27,7 +28,8 @@ PART_OF_ROBOT = ('link', 'joint', 'material', 'transmission', 'gazebo', 'ros2_co
 PART_OF_JOINT = ('parent', 'child', 'origin', 'axis', 'limit', 'dynamics', 'mimic')
 TAKEN = {'limit': ('lower', 'upper', 'effort', 'velocity'), 'dynamics': ('damping', 'friction')}
 SPRINGS = ('springStiffness', 'springReference')   # of a joint, in <gazebo>; and others there that change a motion
-OF_GAZEBO = ('gravity', 'turnGravityOff', 'kinematic', 'dampingFactor', 'static')
+OFF, ON = ('', '0', '0.0', 'false'), ('', '1', '1.0', 'true')
+OF_GAZEBO = {'gravity': ON, 'turnGravityOff': OFF, 'kinematic': OFF, 'dampingFactor': OFF, 'static': OFF}   # usual
 NOT_THERE = 'which the robot does not have'
 
 
@@ -39,17 +41,13 @@ def chain_from_urdf(text: str, name: str, hold: dict) -> Chain:
     chain. ChainError, one sentence, for a text that is no URDF and for a robot that is not planar, with the joints that
     make it so.
     """
-    from .chain_yaml import chain_from_dict
     reader = Reader(read_xml(text, name), name)
     robot = reader.robot(dict(hold))
     data, plane = planar_data(robot, name)
-    try:
-        chain = chain_from_dict(data)
-    except ChainError as error:
-        raise ChainError(f'{name}: {error}') from None
+    chain = chain_of(data, name)
     warnings.warn(f'{name}: {reader.account(robot, chain, plane)}', RobotFileNote, stacklevel=5)
-    if reader.powerless:
-        warnings.warn(f'{name}: effort limit 0 at {quoted(reader.powerless)}, taken as no limit', stacklevel=5)
+    for limit, joints in reader.powerless.items():
+        warnings.warn(f'{name}: effort limit {limit} at {quoted(joints)}, taken as no limit', stacklevel=5)
     return chain
 
 
@@ -61,7 +59,8 @@ class Reader:
         self.name, self.root = name, root
         self.welded = {}      # link that <gazebo> welds to the world -> how to refuse that
         self.unused = {}      # what is dropped -> names of where it stands, in the order of the text
-        self.unstopped, self.moved, self.powerless = [], [], []
+        self.unstopped, self.moved = [], []
+        self.powerless = {}   # effort limit that is none, as text -> joints
         if root.tag != 'robot':
             self.fail(f"is XML with the root element '{clipped(root.tag)}', must be the URDF of a robot")
         self._refuse_xacro()
@@ -102,7 +101,8 @@ class Reader:
                     if element.get('type') != 'fixed' or 'world' not in ends:
                         self._refuse_loop(*what)
                     self.welded[ends[ends[0] == 'world']] = what
-                elif element.tag == 'plugin' and 'DetachableJoint' in str(element.attributes):
+                elif element.tag == 'plugin' and any(   # by name, or by file alone: ...-detachable-joint-system.so
+                        'detachablejoint' in re.sub('[-_]', '', text).lower() for text in element.attributes.values()):
                     ends = [_text_or_link(element.find(end)) for end in ('parent_link', 'child_link')]
                     what = f"DetachableJoint '{clipped(element.get('name') or '')}'"
                     if ends[1] in [link.get('name') for link in self.root.all('link')]:
@@ -127,7 +127,7 @@ class Reader:
             for part in child.walk() if child.tag == 'gazebo' else ():
                 if part.tag in SPRINGS and part.text.strip() not in ('', '0', '0.0'):
                     self.drop('springs', child.get('reference') or '')
-                elif part.tag in OF_GAZEBO and part.text.strip() not in ('', '0', '0.0', 'false'):
+                elif part.tag in OF_GAZEBO and part.text.strip().lower() not in OF_GAZEBO[part.tag]:
                     self.drop(f'{part.tag} of gazebo', child.get('reference') or '')
 
     # Numbers
@@ -163,7 +163,8 @@ class Reader:
         for element in self.root.all(tag):
             name = element.get('name')
             if not name or not name.isprintable():
-                self.fail(f'{tag} on line {element.line} has no name, must have a printable one')
+                what = f"the name '{clipped(name)}'" if name else 'no name'
+                self.fail(f'{tag} on line {element.line} has {what}, must have a printable one')
             if name in found:
                 self.fail(f"has two {tag}s '{clipped(name)}', on lines {found[name].line} and {element.line}, "
                           'must have different names')
@@ -181,9 +182,10 @@ class Reader:
             if name not in joints:
                 self.fail(f"hold names '{clipped(name)}', {NOT_THERE}{suggestion(name, list(joints))}, must name its "
                           'joints')
+            hold[name] = held_at(name, hold[name], joints[name].get('type') == 'prismatic', self.name)
         ends = self._ends(joints, links)
         order, root = self._in_order(joints, ends, links)
-        initial = self._initial_states()
+        initial = self._initial_states(joints)
         self._hold_followers(joints, hold, initial)
         made = {}
         for name in order:
@@ -253,11 +255,9 @@ class Reader:
     def _hold_followers(self, joints, hold, initial) -> None:
         """Weld the followers of held joints where these put them; ChainError for one whose leader moves."""
         leaders = {name: element.find('mimic') for name, element in joints.items() if element.find('mimic')}
-        for plugin in (part for block in self.root.all('gazebo') for part in block.walk() if part.find('mimicJoint')):
-            values = {part.tag: part.text.strip() for part in plugin.children}
-            follower = values.get('joint')
-            if follower in joints:   # a plugin says what else `mimic` does
-                leaders.setdefault(follower, Element('mimic', {**values, 'joint': values['mimicJoint']}, plugin.line))
+        for follower, mimic in self._other_mimics():
+            if follower in joints:
+                leaders.setdefault(follower, mimic)
         for name in leaders:
             way, at = [], name
             while at in leaders and at not in hold and at not in way:
@@ -265,6 +265,11 @@ class Reader:
                 at = leaders[at].get('joint')
             if at not in hold:
                 leader = leaders[name].get('joint') or ''
+                if leader not in joints:
+                    whom = f"'{clipped(leader)}', {NOT_THERE}{suggestion(leader, list(joints))}" if leader else \
+                        'a joint that it does not name'
+                    self.fail(f"joint '{clipped(name)}' mimics {whom}, must move on its own or be held (hold "
+                              f"'{clipped(name)}')")
                 self.fail(f"joint '{clipped(name)}' mimics '{clipped(leader)}', must move on its own or be held (hold "
                           f"'{clipped(name)}', or '{clipped(leader)}' and with it all that mimic it)")
             for follower in reversed(way):
@@ -274,6 +279,18 @@ class Reader:
                                   * self._held_at(at, joints[at], hold, initial)
                                   + self.number(mimic, 'offset', where))
                 at = follower
+
+    def _other_mimics(self):
+        """Yield (follower, element mimic) of what <gazebo> and <ros2_control> say instead of the element."""
+        for plugin in (part for block in self.root.all('gazebo') for part in block.walk() if part.find('mimicJoint')):
+            values = {part.tag: part.text.strip() for part in plugin.children}
+            # the names of roboticsgroup_gazebo_plugins: `joint` leads, `mimicJoint` follows
+            yield values['mimicJoint'], Element('mimic', {**values, 'joint': values.get('joint', '')}, plugin.line)
+        for joint in (joint for block in self.root.all('ros2_control') for joint in block.all('joint')):
+            values = {param.get('name'): param.text.strip() for param in joint.all('param')}
+            says = (joint.get('mimic') or 'false').lower()
+            if says in ('true', '1') or 'mimic' in values:
+                yield joint.get('name'), Element('mimic', {**values, 'joint': values.get('mimic', '')}, joint.line)
 
     def _held_at(self, name, element, hold, initial) -> float:
         if hold[name] is None:
@@ -298,6 +315,8 @@ class Reader:
         laws, kind = {}, KINDS[kind]
         if kind != 'fixed':
             axis = self.numbers(element.find('axis'), 'xyz', (1.0, 0.0, 0.0), where)
+            if 1e100 < abs(axis).max() < inf:   # whose square is too large
+                axis = axis / abs(axis).max()
             length = np.linalg.norm(axis)
             if not isfinite(length) or length < 1e-9:
                 self.fail(f'{where} has the axis {axis.tolist()}, must be a direction')
@@ -332,7 +351,7 @@ class Reader:
             if effort > 0.0:
                 laws['effort_limit'] = effort
             elif told:
-                self.powerless.append(name)
+                self.powerless.setdefault(f'{effort:g}', []).append(name)
         if dynamics is not None:
             laws.update({key: self.number(dynamics, key, where, 0.0) for key in ('damping', 'friction')})
         laws.update({key: value for key, value in initial.items() if value})
@@ -359,7 +378,7 @@ class Reader:
                 if key not in TAKEN[part.tag]:
                     self.drop(f'{clipped(key)} of {part.tag}', name)
 
-    def _initial_states(self) -> dict:
+    def _initial_states(self, joints) -> dict:
         """Return joint -> position and velocity by ros2_control's `initial_value` and `initial_position`."""
         found = {}
         for block in self.root.all('ros2_control'):
@@ -376,7 +395,13 @@ class Reader:
                         word = param.text.strip()
                         if not NUMBER.fullmatch(word) or not isfinite(float(word)):
                             self.fail(f"{where} has {param.get('name')} '{clipped(word)}', must be a finite number")
-                        values[quantity] = float(word)
+                        value = float(word)
+                        if joint.get('name') not in joints:
+                            self.drop(f"initial {quantity} of '{clipped(joint.get('name') or '')}', {NOT_THERE}")
+                        elif values.get(quantity, value) != value:
+                            self.drop(f"initial {quantity} {values[quantity]:g} of '{clipped(joint.get('name'))}', "
+                                      f'which a later one, {value:g}, replaces')
+                        values[quantity] = value
         return found
 
     def _link(self, name: str, element: Element) -> Link:

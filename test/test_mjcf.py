@@ -193,7 +193,7 @@ def test_laws_limits_and_motors_are_taken():
     assert [(joint.lower, joint.upper, joint.position, joint.effort_limit) for joint in chain.joints] == [
         (-np.inf, np.inf, 0.0, 200.0), (-3.0, 3.0, 0.0, 200.0), (-.27, .27, .1, np.inf), (-.27, .27, -.1, np.inf)]
     assert chain.gravity == 0j
-    assert 'ctrlrange of motor is taken as symmetric' in note
+    assert "effort limits taken as symmetric, by their larger side, at 'joint1';" in note
     assert 'without a motor, but can be commanded here: target_x' in note
     chain, note = read(KINDS['hopper'])
     assert [joint.effort_limit for joint in chain.joints[3:]] == [200.0, 40.0, np.inf]
@@ -228,6 +228,51 @@ def test_one_thing_at_a_time_moves_as_in_mujoco(parts):
     assert chain.joints[0].lower == -np.inf
 
 
+def test_a_mass_made_by_boundmass_lies_at_pos_as_written():
+    """Oracle: MuJoCo, which puts it there before it applies the frames around the body."""
+    text = """<mujoco><compiler boundmass="2" boundinertia="0.1"/><option><flag contact="disable"/></option><worldbody>
+      <body name="a" pos="0.3 0 0"><joint name="s" axis="0 1 0"/><geom size=".1" mass="1"/>
+      <frame pos="0 0 -0.4" euler="0 40 0"><frame pos="0.1 0 0" euler="0 10 0"><body name="b" pos="0.5 0 -0.2"
+      euler="0 {} 0"><joint name="e" axis="0 1 0"/>{}</body></frame></frame></body></worldbody></mujoco>"""
+    for seed in range(20):
+        for inner in ('', '<body pos="0.2 0 0.1"/>', '<frame euler="0 50 0"><body pos="0.2 0 0.1"/></frame>'):
+            own = text.format(20 * seed, inner)
+            error, _ = differs(own, read(own)[0], seed)
+            assert error <= 1e-12
+
+
+@pytest.mark.parametrize('motors, limit', [
+    ('<motor joint="hinge" ctrlrange="-1 10" forcerange="-10 1"/>', 1.0),
+    ('<motor joint="hinge" ctrlrange="-1 10" forcerange="-10 4" gear="-2"/>', 8.0),
+    ('<motor joint="hinge" ctrlrange="-1 10"/><motor joint="hinge" ctrlrange="-10 1"/>', 11.0),
+    ('<motor joint="hinge" ctrlrange="-1 5"/><motor joint="hinge" ctrlrange="-1 5" gear="-1"/>', 6.0),
+    ('<general joint="hinge" ctrlrange="-1 5" gainprm="-3" forcerange="-20 1"/>', 15.0),
+    ('<motor joint="hinge" ctrlrange="0 5"/><motor joint="hinge" gear="0"/>', 5.0),
+    ('<motor joint="hinge" gear="0"/>', 0.0), ('<general joint="hinge" gainprm="0"/>', 0.0),
+    ('<general joint="hinge" gainprm="0" ctrlrange="-1 1" forcerange="-9 9" gear="5"/>', 0.0),
+    ('<motor joint="hinge"/><motor joint="hinge" ctrlrange="-1 1"/>', np.inf),
+])
+def test_an_effort_limit_is_what_the_motors_can_give(motors, limit):
+    """Twin: MuJoCo's largest force of actuators over commands at the corners of -100 and 100."""
+    text = pendulum(tail=f'<actuator>{motors}</actuator>')
+    chain, note = read(text)
+    assert chain.joints[0].effort_limit == limit and f'hinge {limit:g}' in note
+    assert ('gives no force' in note) == ('"0"' in motors)
+    model = mujoco.MjModel.from_xml_string(text)
+    data, most = mujoco.MjData(model), 0.0
+    for corner in range(2 ** model.nu):
+        data.ctrl[:] = [100.0 if corner >> k & 1 else -100.0 for k in range(model.nu)]
+        mujoco.mj_forward(model, data)
+        most = max(most, abs(data.qfrc_actuator[0]))
+    assert most == min(limit, 101.0)
+
+
+def test_an_effort_limit_is_within_the_range_of_the_joint():
+    joint, motor = 'actuatorfrcrange="-2 7"', '<actuator><motor joint="hinge" ctrlrange="-{} {}"/></actuator>'
+    for ends, limit in (((9, 1), 2.0), ((1, 9), 7.0), ((9, 9), 7.0), ((1, 1), 1.0)):
+        assert read(pendulum(joint=joint, tail=motor.format(*ends)))[0].joints[0].effort_limit == limit
+
+
 def test_a_keyframe_is_the_initial_state():
     chain, note = read(pendulum(tail='<keyframe><key name="up" qpos="3" qvel="0.5"/><key qpos="1"/></keyframe>'))
     assert (chain.joints[0].position, chain.joints[0].velocity) == (3.0, 0.5)
@@ -238,7 +283,11 @@ SPRING = '<tendon><fixed name="t" {}><joint joint="hinge" coef="1"/></fixed></te
 
 
 @pytest.mark.parametrize('parts, sentence', [
-    ({'inner': '<freejoint/>'}, 'freely: the robot is not planar'),
+    ({'inner': '<freejoint/>'},
+     'freely: the robot is not planar, must be a hinge or slide, or be removed, which fixes the body where it is'),
+    ({'tail': '<actuator><motor name="m" joint="hinge" ctrlrange="1 3"/></actuator>'},
+     "motor 'm' moves its joint without a command"),
+    ({'inner': '<joint name="twin" axis="0 1 0"/>'}, "m.xml: joint 'hinge' makes the mass matrix singular"),
     ({'joint': 'type="ball"'}, "joint 'hinge' is of type ball"),
     ({'inner': '<joint name="odd" axis="1 0 0" armature="1"/>'}, "'odd'"),
     ({'joint': 'springdamper="1 1"'}, 'has springdamper, which is not read'),
@@ -277,8 +326,12 @@ def test_what_would_change_the_motion_is_refused_by_name(parts, sentence):
     ({'world': '<geom name="floor" type="plane" size="1 1 1"/>'}, ''),     # too far below to be touched
     ({'tail': '<equality><weld name="w" active="false" body1="rod"/></equality>'}, 'equality w'),
     ({'head': '<option><flag equality="disable"/></option>', 'tail': '<equality><weld body1="rod"/></equality>'},
-     'equality weld'),
+     'weld equality on line '),
     ({'tail': SPRING.format('')}, 'tendon t'),
+    ({'tail': SPRING.format('').replace('name="t"', '')}, 'fixed tendon on line 1'),
+    ({'tail': '<actuator><cylinder joint="hinge"/></actuator>'}, 'cylinder on line 1'),
+    ({'inner': '<site name="s"/>', 'tail': '<actuator><motor site="s"/></actuator>'},
+     'motor on line 11 (not at a joint)'),
     ({'tail': '<actuator><damper name="d" joint="hinge" kv="2" ctrlrange="0 1"/></actuator>'}, 'damper d'),
     ({'head': '<option><flag actuation="disable"/></option>',
       'tail': '<actuator><position name="p" joint="hinge"/></actuator>'}, 'actuator p'),
@@ -296,6 +349,11 @@ def test_hold_makes_a_plane_of_what_has_one_joint_too_many():
     assert chain.joint_names == ('hinge',) and "held: 'odd' at 0" in note
     assert chain == read(pendulum())[0] or chain.joints == read(pendulum())[0].joints
     assert "hold names 'ood'" in refusal(text, 'ood')
+    text = text.replace('</mujoco>', '<actuator><motor joint="hinge"/></actuator></mujoco>')
+    assert 'without a motor' not in read(text, 'odd')[1]
+    assert "held: 'odd' at 0.523599" in read(text, 'odd=30deg')[1]
+    slide = text.replace('name="odd" axis="1 0 0"', 'name="odd" type="slide"')
+    assert "hold gives '30deg' to joint 'odd', must be a number (m), as it slides" in refusal(slide, 'odd=30deg')
 
 
 def test_what_is_said_never_to_touch_never_does():

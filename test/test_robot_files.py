@@ -185,6 +185,14 @@ def test_ros2_control_says_where_a_joint_starts(told, position, velocity):
 @pytest.mark.parametrize('changes, said', [
     ({'more': '<gazebo reference="s"><springStiffness>3</springStiffness></gazebo>'}, 'springs'),
     ({'more': '<gazebo reference="a"><turnGravityOff>true</turnGravityOff></gazebo>'}, 'turnGravityOff of gazebo'),
+    ({'more': '<gazebo reference="a"><gravity>0</gravity></gazebo>'}, 'gravity of gazebo'),
+    ({'more': '<gazebo reference="a"><gravity>False</gravity></gazebo>'}, 'gravity of gazebo'),
+    ({'more': '<ros2_control><joint name="s"><command_interface name="position"><param name="initial_value">0.1'
+              '</param></command_interface><state_interface name="position"><param name="initial_value">0.2</param>'
+              '</state_interface></joint></ros2_control>'},
+     "initial position 0.1 of 's', which a later one, 0.2, replaces"),
+    ({'more': '<ros2_control><joint name="S"><param name="initial_position">1</param></joint></ros2_control>'},
+     "initial position of 'S', which the robot does not have"),
     ({'more': '<force_element name="f"/>'}, 'element force_element'),
     ({'in_s': '<safety_controller k_velocity="1"/>'}, 'safety_controller'),
     ({'in_s': '<dynamics damping="1" spring_stiffness="2"/>'}, 'spring_stiffness of dynamics'),
@@ -194,6 +202,8 @@ def test_ros2_control_says_where_a_joint_starts(told, position, velocity):
 def test_what_is_dropped_is_listed(changes, said):
     assert load(arm(**changes))[1].endswith(f'; not used: {said}')
     assert 'not used' not in load(arm())[1]
+    for usual in ('1', 'true'):
+        assert 'not used' not in load(arm(more=f'<gazebo reference="a"><gravity>{usual}</gravity></gazebo>'))[1]
 
 
 def test_the_mass_of_the_root_and_a_missing_inertia_are_told():
@@ -223,8 +233,18 @@ def test_the_mass_of_the_root_and_a_missing_inertia_are_told():
      "joint 'd' closes a loop at link 'b', which 'e' carries"),
     ({'more': '<gazebo><joint name="d" type="fixed"><parent>world</parent><child>b</child></joint></gazebo>'},
      "joint 'd' between 'world' and 'b' (in <gazebo>, line 7) closes a loop"),
-    ({'more': '<gazebo><plugin name="p"><joint>e</joint><mimicJoint>s</mimicJoint></plugin></gazebo>'},
+    ({'more': '<gazebo><plugin filename="libignition-gazebo-detachable-joint-system.so"><parent_link>b</parent_link>'
+              '<child_link>stand</child_link></plugin></gazebo>'}, "DetachableJoint '' between 'b' and 'stand'"),
+    ({'more': '<gazebo><plugin name="p"><joint>s</joint><mimicJoint>e</mimicJoint></plugin></gazebo>'},
      "joint 'e' mimics 's', must move on its own or be held"),
+    ({'more': '<ros2_control><joint name="e"><param name="mimic">s</param><param name="multiplier">1</param></joint>'
+              '</ros2_control>'}, "joint 'e' mimics 's', must move on its own or be held"),
+    ({'more': '<ros2_control><joint name="e" mimic="true"/></ros2_control>'},
+     "joint 'e' mimics a joint that it does not name, must move on its own or be held (hold 'e')"),
+    ({'in_e': '<mimic joint="S"/>'}, "joint 'e' mimics 'S', which the robot does not have (did you mean 's'?), must "
+                                     "move on its own or be held (hold 'e')"),
+    ({'in_e': '<axis/></joint><joint name="e&#10;f" type="fixed">'}, "line 7 has the name 'e\\nf', must"),
+    ({'in_a': '<inertial><origin xyz="1e300 0 0"/><mass value="1"/></inertial>'}, "link 'a': center_of_mass is too"),
     ({'in_e': '<mimic joint="s" multiplier="-0.5"/>'}, "joint 'e' mimics 's', must move on its own or be held"),
     ({'kind': 'floating'}, "joint 'e' is of type 'floating', must be one of fixed, continuous, revolute, prismatic, "
                            "or be held where it is (hold 'e')"),
@@ -295,8 +315,13 @@ def test_held_joints_of_random_robots():
 
 @pytest.mark.parametrize('in_e, plugin', [
     ('<mimic joint="s" multiplier="-0.5" offset="0.1"/>', ''),
-    ('', '<gazebo><plugin name="p"><joint>e</joint><mimicJoint>s</mimicJoint><multiplier> -0.5</multiplier>'
-         '<offset>0.1</offset></plugin></gazebo>')])
+    ('', '<gazebo><plugin name="p"><joint>s</joint><mimicJoint>e</mimicJoint><multiplier> -0.5</multiplier>'
+         '<offset>0.1</offset></plugin></gazebo>'),
+    ('', '<ros2_control><joint name="e"><param name="mimic">s</param><param name="multiplier">-0.5</param>'
+         '<param name="offset">0.1</param></joint></ros2_control>'),
+    ('<mimic joint="s" multiplier="-0.5" offset="0.1"/>',
+     '<ros2_control><joint name="e" mimic="true"/></ros2_control>'),
+])
 def test_what_mimics_a_held_joint_is_held_with_it(in_e, plugin):
     third = ('<link name="c"><inertial><mass value="1"/>' + POINT.format(0.1) + '</link><joint name="w" '
              'type="continuous"><parent link="b"/><child link="c"/><axis xyz="0 1 0"/></joint>')
@@ -314,6 +339,9 @@ def test_what_mimics_a_held_joint_is_held_with_it(in_e, plugin):
     (['e=x'], "hold 'e=x' has no number after '=', must be JOINT=VALUE (rad or m)"),
     ({'e': float('nan')}, "hold has nan for 'e', must be a finite number"),
     ({'e': True}, "hold has true for 'e', must be a finite number"),
+    (['s=1', 's=2'], "hold names 's' twice, with 1.0 and 2.0, must name it once"),
+    (['s', 's=2'], "hold names 's' twice, with no value and 2.0, must name it once"),
+    ({'e': '30 gon'}, "hold has '30 gon' for 'e', must be a finite number (rad or m), or a string such as '90 deg'"),
     (3, 'hold is 3, must be a joint, a list of joints or a mapping'),
     (['s', 'e', 'w'], 'has no joint that moves'),
 ])
@@ -360,6 +388,41 @@ def test_gantries():
             f'<child link="l{k}"/><axis xyz="{row(axis)}"/><limit lower="-9" upper="9" effort="9" velocity="1"/>'
             '</joint>' for k, axis in enumerate(axes, start=1)) + '</robot>'
         agrees(text, chain_from_text(text), 1)
+
+
+@pytest.mark.parametrize('hold', ['s=90deg', ['s=pi/2', 's=90 deg'][:1], {'s': '90 deg'}, ['s=0.5*pi', 's=0.5*pi']])
+def test_angles_as_text_are_held(hold):
+    """As for --position: at a joint that turns, in every way to say what is held."""
+    assert load(YAWING, hold) == load(YAWING, {'s': pi / 2})
+    chain = pcs.load_chain('four_link_robot.yaml', hold={'forearm_joint': '-30 deg'})
+    assert chain == pcs.load_chain('four_link_robot.yaml', hold={'forearm_joint': -pi / 6})
+    assert chain_from_text(chain.source) == chain
+    with pytest.raises(pcs.ChainError, match="'90deg' to joint 'column_slide', must be a number .m., as it slides"):
+        pcs.load_chain('four_link_robot.yaml', hold=['column_slide=90deg'])
+    slide = arm(kind='prismatic', second='0 0 1')
+    assert "hold gives '90deg' to joint 'e', must be a number (m), as it slides" in refusal(slide, ['e=90deg'])
+
+
+def test_an_axis_of_any_length_is_a_direction():
+    with warnings.catch_warnings():
+        warnings.simplefilter('error', RuntimeWarning)
+        assert load(arm(second='0 1e300 0'))[0].joints == load(arm())[0].joints
+
+
+@pytest.mark.parametrize('effort', ['-10', 'nan'])
+def test_an_effort_limit_that_is_none_is_told_as_it_stands(effort):
+    told = load(arm(in_e=f'<limit effort="{effort}"/>'))[2]
+    assert told == [f"r.urdf: effort limit {effort} at 'e', taken as no limit"]
+
+
+def test_a_joint_that_makes_the_mass_matrix_singular_is_told_in_words_of_the_robot():
+    """Two joints about one axis, with nothing between."""
+    text = arm(more='<link name="c"><inertial><mass value="1"/>' + POINT.format(0.1) + '</link><link name="m"/>'
+                    '<joint name="f" type="continuous"><parent link="b"/><child link="m"/><axis xyz="0 1 0"/></joint>'
+                    '<joint name="g" type="continuous"><parent link="m"/><child link="c"/><axis xyz="0 1 0"/></joint>')
+    sentence = refusal(text)
+    assert re.match("r.urdf: joint '[fg]' makes the mass matrix singular", sentence)
+    assert 'bodies[' not in sentence and 'armature' not in sentence and 'body' not in sentence
 
 
 def test_floating_bases_are_held_where_they_are():
