@@ -54,3 +54,11 @@ def test_a_reference_that_begins_at_rest_where_the_arm_is():
     assert wanted.tolist() == position.tolist() and not velocity.any()
     farthest, _, _ = controller.reference(3.5)
     np.testing.assert_allclose(farthest - position, [0.08, 0.4, 0.4, 0.4, 0.4])
+
+
+def test_a_controller_alone_says_what_is_missing():
+    with Process(MODULE, '--ros-args', '-r', '__ns:=/alone', '-p', 'amplitud:=1.0') as controller:
+        controller.wait_for("parameter 'amplitud' is not known and has no effect, did you mean 'amplitude'?")
+        controller.wait_for('no joint_states on /alone/joint_states yet')
+        controller.wait_for('nobody takes efforts on /alone/simulator/joint_commands')
+        assert controller.stop() == 0, controller.output

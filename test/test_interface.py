@@ -19,6 +19,7 @@ from planar_chain_sim import load_chain
 from planar_chain_sim.pictures import body_lines
 from planar_chain_sim.recording.cdr import decode_clock, decode_joint_state, decode_string
 from planar_chain_sim.recording.log_reader import read_log
+from planar_chain_sim.ros.description import TOPIC
 from planar_chain_sim.ros.parameters import PARAMETERS
 from planar_chain_sim.urdf_writer import urdf_of
 
@@ -246,6 +247,10 @@ def test_a_robot_comes_from_the_topic_robot_description(tmp_path):
             assert list(state.name) == list(load_chain('cart_arm_telescope.yaml').joint_names)
             peer.joint_commands.publish(JointState(name=['arm_joint'], effort=[5.0]))
             peer.new_state(lambda state: list(state.effort) == [0.0, 1.0, 0.0, 0.0, 0.0])
+            assert 'another text' not in second.output
+            publisher = peer.node.create_publisher(String, '/a/robot_description', TOPIC.qos)
+            publisher.publish(String(data='<robot name="another"/>'))
+            second.wait_for('another text has come on /a/robot_description and has no effect')
             assert second.stop() == 0, second.output
         assert first.stop() == 0, first.output
     code, output = run('planar_chain_sim.recording.resimulation', tmp_path / 'b.mcap')

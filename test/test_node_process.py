@@ -168,7 +168,10 @@ def test_a_stop_signal_in_the_midst_of_a_tick_without_end(number, tmp_path):
     (('-p', 'x:=y'), 'simulator --ros-args -p x:=y'),
     (('rate:=500.0',), 'simulator --ros-args -p rate:=500.0'),
     (('joint_states:=/a', '--ros-args', '-p', 'rate:=5.0'), 'simulator --ros-args -r joint_states:=/a -p rate:=5.0'),
-    (('arm.yaml', '--params-file', 'p.yaml'), 'simulator arm.yaml --ros-args --params-file p.yaml')])
+    (('arm.yaml', '--params-file', 'p.yaml'), 'simulator arm.yaml --ros-args --params-file p.yaml'),
+    (('-r', '__ns:=/left', 'my.yaml'), 'simulator my.yaml --ros-args -r __ns:=/left'),
+    (('rate:=5.0', 'my.yaml', '--hold', 'a=1', '-p', 'lockstep:=true', '__ns:=/l', '--ros-args', '-r', 'a:=b'),
+     'simulator my.yaml --hold a=1 --ros-args -p rate:=5.0 -p lockstep:=true -r __ns:=/l -r a:=b')])
 def test_ros_arguments_in_the_wrong_place_are_told_what_to_type(arguments, meant):
     assert refusal(*arguments).endswith(f'is for ROS, whose arguments come after --ros-args: {meant}')
 

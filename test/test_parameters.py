@@ -118,6 +118,30 @@ def test_a_slip_in_a_name_is_told(declared, capfd):
     assert 'something_else' not in told
 
 
+@pytest.mark.parametrize('parameter, needed, value', [
+    ('lockstep_joints:=[a]', 'lockstep', 'true'), ('record_compression:=lz4', 'record', 'run.mcap'),
+    ('record_flush_period:=1.0', 'record', 'run.mcap'), ('on_log_failure:=stop', 'record', 'run.mcap')])
+def test_a_parameter_without_effect_is_told(declared, parameter, needed, value, capfd):
+    declared(parameter)
+    name = parameter.partition(':=')[0]
+    assert capfd.readouterr().err.count(f"parameter '{name}' has no effect without '{needed}'") == 1
+    declared(parameter, f'{needed}:={value}')
+    assert 'has no effect' not in capfd.readouterr().err
+
+
+def test_a_frame_that_is_no_link_is_told_without_markers_too():
+    with simulator(frame_id='nobody') as process:
+        process.wait_for("parameter 'frame_id' is 'nobody', not a link of the robot")
+        assert process.stop() == 0, process.output
+
+
+def test_commanded_joints_that_the_chain_has_not_are_told(declared, capfd):
+    """Not refused: the hardware of ros2_control may have a gripper besides."""
+    _, node = declared(f'commanded_joints:=[{JOINTS[0]}, gripper]')
+    assert declare_chain_parameters(node, CHAIN)['commanded_joints'] == [JOINTS[0], 'gripper']
+    assert "'commanded_joints' names 'gripper', not among the joints" in capfd.readouterr().err
+
+
 def test_the_chain_gives_defaults_and_only_what_was_given_is_returned(declared):
     _, node = declared('gravity:=[0,-5]', 'effort_limit:=[.inf, 3.0]')
     assert declare_chain_parameters(node, CHAIN) == {
@@ -473,6 +497,12 @@ def test_the_node_itself_tells_of_a_file_for_another(tmp_path):
         assert process.stop() == 0
 
 
+@pytest.mark.parametrize('text', ['', '# only this\n', 'simulator:\n', '/**:\n  rate: 5.0\n'])
+def test_a_parameter_file_without_parameters_is_told(text, tmp_path):
+    sentence, = unheard(['--ros-args', *files(tmp_path, text)], '/simulator')
+    assert "has no parameters: they stand under '/simulator:' or '/**:' and under 'ros__parameters:'" in sentence
+
+
 @pytest.mark.parametrize('text, correct', [
     ('[0, -1.62]', '[0.0, -1.62]'), ('[-1.62, 0]', '[-1.62, 0.0]'), ('[1, .inf]', '[1.0, .inf]')])
 def test_whole_numbers_beside_decimals_are_explained(text, correct, tmp_path):
@@ -504,6 +534,7 @@ def test_a_parameter_of_a_type_that_there_is_not_is_refused(service):
 
 
 @pytest.mark.parametrize('parameters, sentence', [
+    (('chain_file:=""',), "parameter 'chain_file' is '', must be a chain file"),
     (('tolerance:=1.0',), "parameter 'tolerance' is 1.0, must be below 1"),
     (('tolerance:=1e-9', 'method:=rk4'), "parameter 'tolerance' is 1e-09, must be 0: method 'rk4' has a fixed step")])
 def test_values_that_do_not_go_together_are_one_sentence(declared, parameters, sentence):

@@ -5,6 +5,7 @@ Nothing is changed: ROS parses the same arguments.
 """
 from __future__ import annotations
 
+from itertools import islice
 from pathlib import Path
 import re
 import shlex
@@ -15,7 +16,7 @@ import yaml
 from ..command_line import Mistake
 
 LOADER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
-WITH_VALUE = ('-p', '--param', '-r', '--remap', '--params-file', '--log-level')
+WITH_VALUE = ('-p', '--param', '-r', '--remap', '--params-file', '--log-level', '--log-config-file')
 INTEGER = re.compile(r'[-+]?\d+')
 DECIMAL = re.compile(r'[-+]?((\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|\.(inf|Inf|INF)|\.(nan|NaN|NAN))')
 NODE_RULE = re.compile(r'([A-Za-z_]\w*):[A-Za-z_][\w.]*:=.*', re.DOTALL)
@@ -25,11 +26,26 @@ def refuse_misplaced(program: str, own: Sequence[str], ros: Sequence[str]) -> No
     """Raise Mistake, with what to type, for an argument of ROS that stands before any --ros-args."""
     for place, argument in enumerate(own):
         if argument in WITH_VALUE or ':=' in argument:
-            name, _, value = argument.partition(':=')
-            flag = [] if argument in WITH_VALUE else ['-r'] if value[:1] == '/' or name[:2] == '__' else ['-p']
+            files, misplaced = _parted(own[place:])
             rest = [each for each in ros if each not in ('--ros-args', '--')]
-            meant = shlex.join([program, *own[:place], '--ros-args', *flag, *own[place:], *rest])
+            meant = shlex.join([program, *own[:place], *files, '--ros-args', *misplaced, *rest])
             raise Mistake(f'{argument!r} is for ROS, whose arguments come after --ros-args: {meant}')
+
+
+def _parted(arguments: Sequence[str]) -> tuple[list, list]:
+    """Return of mixed arguments those of the program, and those of ROS with the flag that they need."""
+    own, ros, rest = [], [], iter(arguments)
+    for argument in rest:
+        name, assigned, value = argument.partition(':=')
+        if argument in WITH_VALUE:
+            ros += [argument, *islice(rest, 1)]
+        elif assigned:
+            ros += ['-r' if value[:1] == '/' or name[:2] == '__' else '-p', argument]
+        elif argument == '--hold':
+            own += [argument, *islice(rest, 1)]
+        else:
+            (ros if argument.startswith(('--enable-', '--disable-')) else own).append(argument)
+    return own, ros
 
 
 def refuse_mixed_lists(ros: Sequence[str]) -> None:
@@ -51,7 +67,10 @@ def unheard(ros: Sequence[str], full_name: str) -> Iterator[str]:
     for flag, value in _pairs(ros):
         if flag == '--params-file':
             headings = list(_headings(_text(value)))
-            if headings and not any(_matches(heading, full_name) for heading in headings):
+            if not headings:
+                yield (f"parameter file {value!r} has no parameters: they stand under '{full_name}:' or '/**:' and "
+                       "under 'ros__parameters:'")
+            elif not any(_matches(heading, full_name) for heading in headings):
                 yield (f'parameter file {value!r} has nothing for this node, {full_name}, only for '
                        f"{', '.join(headings[:8])}: use the heading '{full_name}:' or '/**:'")
         elif flag in ('-p', '--param'):

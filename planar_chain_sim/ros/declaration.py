@@ -9,8 +9,8 @@ from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.parameter import Parameter
 
-from .parameters import (check_for_chain, check_quantity, check_together, checked, NUMBERS, numbers_of, PARAMETERS, Row,
-                         ROWS, Value)
+from .parameters import (check_for_chain, check_quantity, check_together, checked, idle, NUMBERS, numbers_of,
+                         PARAMETERS, Row, ROWS, Value)
 from ..command_line import Mistake
 from ..quantities import QUANTITIES
 
@@ -55,6 +55,8 @@ def declare_parameters(node, **told: Value) -> dict[str, Value]:
     """Declare the rows that need no chain and return name -> value; `told` and Mistake as given_values()."""
     values = given_values(node, PARAMETERS, **told)
     check_together(values)
+    for sentence in idle(overrides(node), values):
+        node.get_logger().warning(sentence)
     declare(node, values, ROWS)
     return values
 
@@ -62,6 +64,10 @@ def declare_parameters(node, **told: Value) -> dict[str, Value]:
 def declare_chain_parameters(node, chain) -> dict[str, Value]:
     """Declare the rows whose default is the chain's; return and Mistake as check_for_chain()."""
     values = check_for_chain(chain, {**overrides(node), 'payload_body': node.get_parameter('payload_body').value})
+    strange = [name for name in values['commanded_joints'] if name not in chain.joint_names]
+    if strange:   # which the hardware of another's URDF may well have
+        node.get_logger().warning(f"parameter 'commanded_joints' names {', '.join(map(repr, strange[:8]))}, not among "
+                                  f'the joints {", ".join(chain.joint_names[:32])}: its efforts have no effect')
     defaults = {row.name: row.of_chain[1](chain) for row in PARAMETERS if row.of_chain}
     declare(node, {name: values.get(name, default) for name, default in defaults.items()}, ROWS)
     return values

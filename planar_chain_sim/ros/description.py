@@ -28,3 +28,12 @@ def await_description(node, stop) -> Optional[str]:
                 continue
     finally:
         node.destroy_subscription(subscription)
+
+
+def warn_of_another(node, text: str) -> None:
+    """Warn, once, when a text other than the one that the chain was read from comes on robot_description."""
+    def judge(message) -> None:
+        if message.data != text:
+            node.get_logger().warning(f'another text has come on {subscription.topic_name} and has no effect: the '
+                                      'chain is read at the start, so start the node again for it', once=True)
+    subscription = node.create_subscription(TOPIC.message, TOPIC.name, judge, TOPIC.qos)

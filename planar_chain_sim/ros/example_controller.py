@@ -14,6 +14,7 @@ It answers every joint_states with efforts on simulator/joint_commands, in locks
 that the simulator has; amplitude (rad; a slide gets a fifth of it in m), period (s), bandwidth (rad/s).
 SIGINT and SIGTERM end it with exit code 0. A mistake ends it with one sentence and exit code 2."""
 EXAMPLE = 'example_controller --ros-args -p amplitude:=0.8 -p period:=3.0'
+PATIENCE = 2.0  # s of wall time after which a missing simulator is told
 REPORT_PERIOD = 2.0  # s of stamped time between two sentences about the error
 
 
@@ -91,6 +92,7 @@ def controller_of(node):
 def answer_states(node, controller: ComputedTorque, chain) -> None:
     """Subscribe to the states and answer each; tell how large the error was, now and then."""
     import numpy as np
+    from rclpy.clock import Clock, ClockType
     from sensor_msgs.msg import JointState
     publisher = node.create_publisher(JointState, 'simulator/joint_commands', 10)
     worst, told = 0.0, None
@@ -111,7 +113,17 @@ def answer_states(node, controller: ComputedTorque, chain) -> None:
             worst, told = 0.0, time
 
     # The newest state alone is worth an answer, but lockstep waits for the answer to each.
-    node.create_subscription(JointState, 'joint_states', answer, 1)
+    subscription = node.create_subscription(JointState, 'joint_states', answer, 1)
+
+    def tell_of_nobody():
+        timer.cancel()
+        if told is None and not subscription.get_publisher_count():
+            node.get_logger().warning(f'no joint_states on {subscription.topic_name} yet, is a simulator in this '
+                                      'namespace?')
+        if not publisher.get_subscription_count():
+            node.get_logger().warning(f'nobody takes efforts on {publisher.topic_name}, has the simulator another '
+                                      'name?')
+    timer = node.create_timer(PATIENCE, tell_of_nobody, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
 
 if __name__ == '__main__':

@@ -153,18 +153,21 @@ def serve(node, ending, stop, simulator, chain, urdf, values, log, ends) -> None
         from ..urdf_writer import urdf_of
         publishers['description'].publish(String(data=urdf or urdf_of(
             chain, inputs['joint_commands'].topic_name, outputs['state'].topic_name)))
+    if values['chain_file'] == ON_TOPIC:
+        from .description import warn_of_another
+        warn_of_another(node, urdf)
     let_set(node, chain, lambda given: simulator.ask('set_parameters', given))
     services.every(NEIGHBOURS_PERIOD, neighbours.look)
     services.every(PERIOD, Diagnostics(node.get_fully_qualified_name().lstrip('/'), simulator,
                                        publishers['diagnostics'], values, log, chain.name, neighbours).report)
-    if values['publish_markers'] or values['publish_tf']:
+    if values['publish_markers'] or values['publish_tf'] or values['frame_id']:
         frames = frames_of(chain, urdf, values)
-    if values['publish_markers']:
-        from .markers import marker_array, PERIOD as MARKER_PERIOD
         frame_id = values['frame_id'] or frames.root
         if frame_id not in frames.links:
-            node.get_logger().warning(f"parameter 'frame_id' is {frame_id!r:.80}, not a link of the robot: markers are "
-                                      f'drawn in it as in {frames.root!r:.80}')
+            node.get_logger().warning(f"parameter 'frame_id' is {frame_id!r:.80}, not a link of the robot: "
+                                      f'joint_states bear it, and markers are drawn in it as in {frames.root!r:.80}')
+    if values['publish_markers']:
+        from .markers import marker_array, PERIOD as MARKER_PERIOD
         services.every(MARKER_PERIOD, lambda: simulator.hold_ups.during(
             publishers['markers'].publish, marker_array(chain, frames, *simulator.seen, frame_id)))
     if values['publish_tf']:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from array import array
 import re
 import textwrap
-from typing import Callable, NamedTuple, Optional, Union
+from typing import Callable, Iterator, NamedTuple, Optional, Union
 
 from ..command_line import Mistake
 from ..integrators import LEAST_TOLERANCE, METHODS
@@ -106,6 +106,8 @@ PARAMETERS = (
       for name, quantity in QUANTITIES.items()),
 )
 ROWS = {row.name: row for row in PARAMETERS}
+NEEDED = {'lockstep_joints': 'lockstep', 'record_compression': 'record', 'record_flush_period': 'record',
+          'on_log_failure': 'record'}   # what has no effect without what
 
 
 def parameter_table(rows=PARAMETERS, width: int = 80) -> str:
@@ -176,6 +178,8 @@ def check_together(values: dict[str, Value]) -> None:
     """Refuse values that do not go together, with a Mistake, and put `rate` for a `publish_rate` of 0."""
     if values['tolerance'] == 1.0:
         raise Mistake("parameter 'tolerance' is 1.0, must be below 1")
+    if not values['chain_file']:
+        raise Mistake("parameter 'chain_file' is '', must be a chain file")
     method = values['method']
     if values['tolerance'] and method != 'auto' and not METHODS[method].adaptive:
         raise Mistake(f"parameter 'tolerance' is {values['tolerance']}, must be 0: method {method!r} has a fixed step")
@@ -184,6 +188,13 @@ def check_together(values: dict[str, Value]) -> None:
     if ticks < 0.5 or abs(ticks - round(ticks)) > 1e-9 * ticks:
         raise Mistake(f"parameter 'publish_rate' is {values['publish_rate']}, must be 0 or `rate` "
                       f"({values['rate']}) divided by a whole number")
+
+
+def idle(given: dict[str, Value], values: dict[str, Value]) -> Iterator[str]:
+    """Yield a sentence for each parameter that was given and has no effect with these values of all."""
+    for name, needed in NEEDED.items():
+        if given.get(name) and not values[needed]:
+            yield f'parameter {name!r} has no effect without {needed!r}'
 
 
 def check_for_chain(chain, given: dict[str, Value]) -> dict[str, Value]:
