@@ -104,7 +104,7 @@ class Reader:
                 elif element.tag == 'plugin' and any(   # by name, or by file alone: ...-detachable-joint-system.so
                         'detachablejoint' in re.sub('[-_]', '', text).lower() for text in element.attributes.values()):
                     ends = [_text_or_link(element.find(end)) for end in ('parent_link', 'child_link')]
-                    what = f"DetachableJoint '{clipped(element.get('name') or '')}'"
+                    what = f"DetachableJoint '{clipped(element.get('name') or element.get('filename') or '')}'"
                     if ends[1] in [link.get('name') for link in self.root.all('link')]:
                         self._refuse_loop(what, *ends, where)
                     self.fail(f"{what} ({where}) ties link '{clipped(ends[0])}' to another model, must not have it")
@@ -258,6 +258,8 @@ class Reader:
         for follower, mimic in self._other_mimics():
             if follower in joints:
                 leaders.setdefault(follower, mimic)
+            else:
+                self.drop(f"mimic at '{clipped(follower or '')}', {NOT_THERE}")
         for name in leaders:
             way, at = [], name
             while at in leaders and at not in hold and at not in way:

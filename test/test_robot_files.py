@@ -193,6 +193,8 @@ def test_ros2_control_says_where_a_joint_starts(told, position, velocity):
      "initial position 0.1 of 's', which a later one, 0.2, replaces"),
     ({'more': '<ros2_control><joint name="S"><param name="initial_position">1</param></joint></ros2_control>'},
      "initial position of 'S', which the robot does not have"),
+    ({'more': '<gazebo><plugin><joint>s</joint><mimicJoint>E</mimicJoint></plugin></gazebo>'},
+     "mimic at 'E', which the robot does not have"),
     ({'more': '<force_element name="f"/>'}, 'element force_element'),
     ({'in_s': '<safety_controller k_velocity="1"/>'}, 'safety_controller'),
     ({'in_s': '<dynamics damping="1" spring_stiffness="2"/>'}, 'spring_stiffness of dynamics'),
@@ -234,7 +236,7 @@ def test_the_mass_of_the_root_and_a_missing_inertia_are_told():
     ({'more': '<gazebo><joint name="d" type="fixed"><parent>world</parent><child>b</child></joint></gazebo>'},
      "joint 'd' between 'world' and 'b' (in <gazebo>, line 7) closes a loop"),
     ({'more': '<gazebo><plugin filename="libignition-gazebo-detachable-joint-system.so"><parent_link>b</parent_link>'
-              '<child_link>stand</child_link></plugin></gazebo>'}, "DetachableJoint '' between 'b' and 'stand'"),
+              '<child_link>stand</child_link></plugin></gazebo>'}, "DetachableJoint 'libignition-gazebo-det"),
     ({'more': '<gazebo><plugin name="p"><joint>s</joint><mimicJoint>e</mimicJoint></plugin></gazebo>'},
      "joint 'e' mimics 's', must move on its own or be held"),
     ({'more': '<ros2_control><joint name="e"><param name="mimic">s</param><param name="multiplier">1</param></joint>'
@@ -397,6 +399,8 @@ def test_angles_as_text_are_held(hold):
     chain = pcs.load_chain('four_link_robot.yaml', hold={'forearm_joint': '-30 deg'})
     assert chain == pcs.load_chain('four_link_robot.yaml', hold={'forearm_joint': -pi / 6})
     assert chain_from_text(chain.source) == chain
+    text = pcs.load_chain('four_link_robot.yaml').source
+    assert chain_from_text(f'{text}\nhold: {{forearm_joint: -30 deg}}') == chain
     with pytest.raises(pcs.ChainError, match="'90deg' to joint 'column_slide', must be a number .m., as it slides"):
         pcs.load_chain('four_link_robot.yaml', hold=['column_slide=90deg'])
     slide = arm(kind='prismatic', second='0 0 1')
