@@ -1,6 +1,7 @@
 """Many scenes at once, in the lanes of vectors and over threads; each gets the bits of a single run."""
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 import os
 from typing import Optional, Sequence, Union
@@ -53,11 +54,11 @@ def rollout_batch(chain: Union[Chain, Sequence[Chain]], position=None, velocity=
     states alone. A scene that fails stops by itself, see BatchRun.failures. ValueError: bad shapes, values or
     arguments, as in Simulation and rollout.
     """
-    chains = [chain] if isinstance(chain, Chain) else list(chain)
-    if not chains or not all(isinstance(each, Chain) for each in chains):
+    chains = list(chain) if isinstance(chain, Iterable) and not isinstance(chain, (str, bytes, Mapping)) else [chain]
+    if not chains:
         raise ValueError(f'chain is {chain!r:.80}, must be a Chain or a sequence of them')
     for each in chains:
-        plan_of(each)   # which refuses one that cannot be
+        plan_of(each)   # which refuses what is none and one that cannot be
     joints = chains[0].joint_count
     for k, each in enumerate(chains):
         if each.joint_count != joints:

@@ -16,6 +16,7 @@ from .chain import BASE, Chain
 from .dynamics import forward_dynamics
 from .loads import index_of
 from .path_matrix import motion_of_joints
+from .plan import plan_of
 
 
 class BodyPoses(NamedTuple):
@@ -74,6 +75,7 @@ def _halves(absolute, count):
 
 def _joint_rows(chain: Chain, **given) -> list[np.ndarray]:
     """Return finite float64 arrays (..., joints) of one common shape; ValueError names the argument."""
+    plan_of(chain)   # which refuses what is none and one that cannot be
     rows = []
     for name, values in given.items():
         try:
@@ -121,9 +123,9 @@ def jacobian(chain: Chain, position, body: str, point=(0.0, 0.0)) -> np.ndarray:
     `point` [x, y], m, in the body's own frame; the default is its joint point. ValueError: no such body, bad shape,
     non-finite value.
     """
+    position, = _joint_rows(chain, position=position)
     index = index_of(chain, body)
     place = plane_vector('point', point)
-    position, = _joint_rows(chain, position=position)
     motion = _Motion(chain, position)
     reached = motion.point[..., index] + place * motion.turn[..., index]
     found = np.zeros((*position.shape[:-1], 3, chain.joint_count))

@@ -92,8 +92,8 @@ def run_command(program: str, body: Callable[[Optional[Sequence[str]]], int],
     """
     from .chain import RobotFileNote
     catch_stop_signals(_interrupt)
-    warnings.showwarning = lambda message, category, *_: print(
-        f'{program}: {"note" if issubclass(category, RobotFileNote) else "warning"}: {message}', file=sys.stderr)
+    warnings.showwarning = lambda message, category, *_: say(
+        program, f'{"note" if issubclass(category, RobotFileNote) else "warning"}: {message}')
     try:
         return exit_code(program, lambda: body(arguments))
     except KeyboardInterrupt as stop:
@@ -118,6 +118,7 @@ def _interrupt(number, frame) -> NoReturn:
 
 def exit_code(program: str, work: Callable[[], int]) -> int:
     """Return the exit code of `work()`, 2 after a sentence or a traceback on stderr, 0 where nobody reads any more."""
+    open_streams()
     if hasattr(sys.stdout, 'reconfigure'):
         sys.stdout.reconfigure(errors='backslashreplace')   # a name may have letters that the locale has not
     code = 0
@@ -125,8 +126,7 @@ def exit_code(program: str, work: Callable[[], int]) -> int:
         try:
             code = work()
         finally:   # SystemExit too, after --help
-            if sys.stdout is not None:
-                sys.stdout.flush()
+            sys.stdout.flush()
         return code
     except BrokenPipeError:   # the reader of our output has gone, as in `... | head`
         leave_output()
@@ -138,6 +138,17 @@ def exit_code(program: str, work: Callable[[], int]) -> int:
         else:
             say(program, sentence)
         return 2
+
+
+def open_streams() -> None:
+    """Open the null device for standard streams that were closed before the start, so that no file gets their place."""
+    missing = [name for name in ('stdin', 'stdout', 'stderr') if getattr(sys, name) is None]
+    if missing:
+        while (number := os.open(os.devnull, os.O_RDWR)) <= 2:
+            pass
+        os.close(number)
+    for name in missing:
+        setattr(sys, name, open(os.devnull, 'r' if name == 'stdin' else 'w'))
 
 
 def sentence_of(error: Exception) -> Optional[str]:

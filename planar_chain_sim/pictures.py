@@ -100,6 +100,9 @@ def draw_log(log, path: str) -> None:
         states = [decode_joint_state(message.data) for message in log.messages if message.topic == topic]
     except CdrError as error:
         raise LogError(f'log {str(log.path)!r}: a state cannot be read ({error})') from None
+    if any(state.names != chain.joint_names or not len(state.position) == len(state.effort) == chain.joint_count
+           for state in states):
+        raise LogError(f'log {str(log.path)!r}: a state is not of the joints of its chain')
     if len(states) < 2:
         raise LogError(f'log {str(log.path)!r}: it holds {len(states)} states, must hold two to draw them')
     time = np.array([state.stamp - states[0].stamp for state in states]) * 1e-9

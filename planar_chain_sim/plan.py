@@ -1,7 +1,9 @@
 """The plan: what a chain needs, what is skipped, and the kernel model made for it, once, when the chain is loaded."""
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from os import PathLike
 from typing import Optional
 
 import numpy as np
@@ -71,16 +73,28 @@ def plan_of(chain: Chain) -> Plan:
     """
     Return the chain's plan, made when it is first asked for and kept with the chain from then on.
 
-    ChainError: a chain that was made by hand and cannot be.
+    TypeError: no chain. ChainError: a chain that was made by hand and cannot be.
     """
-    kept = chain.__dict__   # a frozen dataclass lets its cache be written here, and pickles without it
+    try:
+        kept = chain.__dict__   # a frozen dataclass lets its cache be written here, and pickles without it
+    except AttributeError:
+        raise _no_chain(chain) from None
     plan = kept.get('_plan')
     if plan is None:
+        if not isinstance(chain, Chain):
+            raise _no_chain(chain)
         if '_checked' not in kept:
             from .chain_checks import check_chain
             check_chain(chain)
         plan = kept['_plan'] = _make_plan(chain)
     return plan
+
+
+def _no_chain(given) -> TypeError:
+    """Return the error that says how a chain is made of what was given."""
+    made = 'chain_from_dict' if isinstance(given, Mapping) else 'load_chain'
+    what = repr(str(given)) if isinstance(given, (str, PathLike)) else 'data' if isinstance(given, Mapping) else 'file'
+    return TypeError(f'chain is {given!r:.80}, must be a Chain: {made}({what:.200}) gives one')
 
 
 def _make_plan(chain: Chain) -> Plan:

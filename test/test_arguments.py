@@ -267,3 +267,28 @@ def test_letters_that_the_locale_has_not_are_printed_as_escapes(tmp_path):
     assert done.returncode == 0 and done.stderr == '' and '\\u4e2d: ' in done.stdout
     assert (tmp_path / 'gr\u00fc\u00dfe.mcap').exists()
     assert command('resimulate', tmp_path / 'gr\u00fc\u00dfe.mcap').returncode == 0
+
+
+@pytest.mark.parametrize('closed', ['2>&-', '>&-', '>&- 2>&-', '<&- >&- 2>&-'])
+def test_standard_streams_that_are_closed_are_as_if_nobody_reads(closed, tmp_path):
+    """As some daemons start things; no file of ours gets the place of a stream."""
+    log = tmp_path / 'run.mcap'
+    for name, *arguments in (('rollout', ROBOT, '--duration', '0.1', '--output', log), ('resimulate', log),
+                             *((name, '--help') for name in MODULES)):
+        shell = f'"$@" {closed}; echo $? > {tmp_path}/code'
+        done = subprocess.run(['bash', '-c', shell, 'bash', sys.executable, '-m', f'planar_chain_sim.{MODULES[name]}',
+                               *map(str, arguments)], capture_output=True, text=True, timeout=120)
+        assert (tmp_path / 'code').read_text() == '0\n' and done.stderr == '', (name, done.stderr)
+    assert sum(message.topic == '/joint_states' for message in read_log(log).messages) == 101
+
+
+def test_a_note_that_cannot_be_written_does_not_end_the_run(tmp_path):
+    robot, log = tmp_path / 'robot.urdf', tmp_path / 'run.mcap'
+    robot.write_text('<robot name="r"><link name="world"/><link name="a"><inertial><mass value="1"/>'
+                     '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+                     '<joint name="j" type="continuous"><parent link="world"/><child link="a"/><axis xyz="0 1 0"/>'
+                     '</joint></robot>')
+    with open('/dev/full', 'w') as full:
+        code = subprocess.run([sys.executable, '-m', 'planar_chain_sim.recording.rollout', robot, '--duration', '0.1',
+                               '--output', log], stdout=subprocess.DEVNULL, stderr=full, timeout=120).returncode
+    assert code == 0 and read_log(log).complete

@@ -210,7 +210,6 @@ PAIR = CHAINS['double_pendulum']
     ({'chain': [PAIR] * 3}, 'position has 4 scenes, must have 1 or 3 as chain'),
     ({'chain': [PAIR, one_joint()]}, 'chain[1] (one) has 1 joints, must have 2 as chain[0]'),
     ({'chain': []}, 'chain is [], must be a Chain or a sequence of them'),
-    ({'chain': 'arm'}, "chain is 'arm', must be a Chain or a sequence of them"),
     ({'threads': 0}, 'threads is 0, must be a whole number > 0 or None'),
     ({'threads': 2.5}, 'threads is 2.5, must be a whole number > 0 or None'),
     ({'duration': 0.0105}, 'duration is 0.0105 s, must be a whole number >= 0 of steps of 0.001 s'),

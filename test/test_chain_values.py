@@ -2,8 +2,10 @@
 import copy
 from dataclasses import fields, replace
 from math import inf, isinf, nan
+from pathlib import Path
 import pickle
 from random import Random
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -31,6 +33,12 @@ DOORS = {
     'linearize': lambda chain: pcs.linearize(chain, *np.zeros((3, 3))),
     'equations': pcs.equations,
     'replace_chain': lambda chain: pcs.Simulation(TWO).replace_chain(chain),
+    'body_poses': lambda chain: pcs.body_poses(chain, np.zeros(3)),
+    'body_velocities': lambda chain: pcs.body_velocities(chain, *np.zeros((2, 3))),
+    'center_of_mass': lambda chain: pcs.center_of_mass(chain, np.zeros(3)),
+    'momentum': lambda chain: pcs.momentum(chain, *np.zeros((2, 3))),
+    'jacobian': lambda chain: pcs.jacobian(chain, np.zeros(3), 'forearm'),
+    'reaction_forces': lambda chain: pcs.reaction_forces(chain, *np.zeros((3, 3))),
 }
 
 
@@ -116,6 +124,17 @@ def test_chain_made_by_hand_that_cannot_be_is_one_sentence_at_every_door(what, c
         with pytest.raises(ChainError) as caught:
             DOORS[door](chain)
         assert str(caught.value).isprintable() and 'must' in str(caught.value)
+
+
+@pytest.mark.parametrize('door', DOORS)
+@pytest.mark.parametrize('given, call', [
+    ('double_pendulum.yaml', "load_chain('double_pendulum.yaml')"),
+    (Path('arm.urdf'), "load_chain('arm.urdf')"), ({'bodies': []}, 'chain_from_dict(data)'), (None, 'load_chain(file)'),
+    (3, 'load_chain(file)'), (SimpleNamespace(joint_count=3), 'load_chain(file)')])
+def test_what_is_no_chain_is_refused_with_the_call_that_makes_one(door, given, call):
+    with pytest.raises(TypeError) as caught:
+        DOORS[door](given)
+    assert str(caught.value) == f'chain is {given!r}, must be a Chain: {call} gives one'
 
 
 def test_sentence_names_the_body_and_what_to_do():

@@ -11,11 +11,13 @@ import numpy as np
 import pytest
 
 import planar_chain_sim as pcs
+from planar_chain_sim import pictures
 from planar_chain_sim.recording import resimulation, rollout
 from planar_chain_sim.recording.cdr import decode_joint_state, encode_string, JointStateLayout
 from planar_chain_sim.recording.log_reader import read_log
 from planar_chain_sim.recording.log_writer import LogWriter
 from planar_chain_sim.recording.rosbag2_profile import Channel
+from planar_chain_sim.symbolic import command_line as equations
 
 ROBOT = 'four_link_robot.yaml'
 
@@ -288,3 +290,36 @@ def test_events_that_say_nonsense_are_one_sentence(log, tmp_path, capsys):
         refused += code == 2
         assert said.err.count('\n') == (code == 2), (event, said.err)
     assert 30 < refused < 140
+
+
+def test_settings_that_are_missing_or_odd_are_one_sentence_at_every_door(log, tmp_path, capsys):
+    """Each key away or with another name, and random values; by resimulate, pictures, equations."""
+    random, short = Random(3), tmp_path / 'short.mcap'
+    rewritten(log, short, keep=lambda message: message.log_time < 5e6)
+    known = read_log(short).settings
+    needed = sorted(set(known) - {'version', 'build'})
+    doors = {'resimulate': lambda path: resimulation.main([path]),
+             'pictures': lambda path: pictures.main([path, str(tmp_path / 'drawn.svg')]),
+             'equations': lambda path: equations.main([path, '--time', '0.002'])}
+    odd = ['', ' ', '0', '-1', 'nan', 'inf', '1e400', '[]', '{}', 'null', '[1]', '["x"]', 3000 * '[', 'x', '\x00',
+           '{"a": 1}', '["nan"]', '9' * 30, '0x1p-1074', '0x1p9999', 5000 * '9']
+
+    def ends(path, certain):
+        for name, door in doors.items():
+            code, said = door(str(path)), capsys.readouterr().err
+            assert code == 2 if certain else code in (0, 1, 2), (name, code, said)
+            if code == 2:
+                assert said.startswith(f'{name}: ') and said.count('\n') == 1 and 'Traceback' not in said, said[-500:]
+
+    content = short.read_bytes()
+    for key in needed:
+        path = tmp_path / 'renamed.mcap'
+        size = len(key).to_bytes(4, 'little')
+        path.write_bytes(content.replace(size + key.encode(), size + b'Z' + key.encode()[1:]))
+        assert key not in read_log(path).settings
+        ends(path, True)
+    for _ in range(60):
+        key = random.choice(needed)
+        path = tmp_path / 'odd.mcap'
+        path.unlink(missing_ok=True)
+        ends(rewritten(short, path, settings={key: random.choice(odd)}), False)

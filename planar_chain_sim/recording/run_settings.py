@@ -33,6 +33,9 @@ def simulation_of(log: Log) -> Simulation:
     """Return the simulation a log begins with, at its start; LogError where the log's chain or settings make none."""
     settings = log.settings
     try:
+        for key in ('state_topic', 'events_topic'):   # which the reader of the messages needs
+            if not settings[key]:
+                raise ValueError(f'its {key} is empty')
         if settings['format'] != FORMAT:
             raise ValueError(f'format is {settings["format"]!r}, must be {FORMAT!r}')
         chain = chain_from_text(log.chain_text, f'{log.path}: chain.yaml')
@@ -45,6 +48,6 @@ def simulation_of(log: Log) -> Simulation:
         simulation.restore(replace(simulation.checkpoint(), tick=int(settings['tick'])))
     except KeyError as error:
         raise LogError(f'log {str(log.path)!r}: its settings lack {error}') from None
-    except (ChainError, ValueError, TypeError, OverflowError) as error:
+    except (ChainError, ValueError, TypeError, OverflowError, RecursionError) as error:
         raise LogError(f'log {str(log.path)!r}: {error}') from None
     return simulation

@@ -29,7 +29,7 @@ def main(arguments=None) -> int:
 
 def simulate(own_arguments, ros_arguments, stop) -> None:
     """Simulate until something is put into `stop`. Mistake: arguments, parameters, chain, method or log are no good."""
-    from ..command_line import Mistake
+    from ..command_line import Mistake, say
     told = parse(own_arguments)
     gc.disable()  # until all is loaded: nothing of it is garbage
     with ExitStack() as ending:  # ends in reverse order, so that nobody is asked who has gone already
@@ -46,7 +46,7 @@ def simulate(own_arguments, ros_arguments, stop) -> None:
     if log and log.error and values['on_log_failure'] == 'stop':
         raise Mistake(str(log.error))
     if log and log.error:   # told when it happened, but for what happened at the end
-        print(f'simulator: {log.error}', file=sys.stderr)
+        say('simulator', str(log.error))
     if reason is not None:
         if type(reason).__name__ == 'RCLError':
             refuse_clock()   # which may have been set to where nothing can be sent
