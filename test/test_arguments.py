@@ -190,7 +190,7 @@ def test_a_bug_shows_its_traceback_and_is_no_difference(error, folder, monkeypat
 
 
 @pytest.mark.parametrize('error, said', [
-    (MemoryError('9 TiB'), 'there is not enough memory (9 TiB), must be a smaller'),
+    (MemoryError('9 TiB'), 'there is not enough memory (9 TiB), try a smaller task'),
     (OSError(errno.ENOSPC, 'No space left on device'), 'its output cannot be written (No space left on device)'),
     (pcs.SimulationError('it stopped'), 'it stopped'), (pcs.ChainError('no chain'), 'no chain')])
 def test_a_mistake_is_one_sentence(error, said, folder, monkeypatch, capfd):
