@@ -79,8 +79,13 @@ def _joint_rows(chain: Chain, **given) -> list[np.ndarray]:
     rows = []
     for name, values in given.items():
         try:
-            row = np.asarray(values, dtype=float)
-        except (TypeError, ValueError):
+            row = np.asarray(values)
+            if row.dtype.kind == 'O' and not any(isinstance(each, (str, bytes)) for each in row.flat):
+                row = row.astype(float)   # of other kinds of numbers
+            if row.dtype.kind not in 'fiub':
+                raise TypeError
+            row = row.astype(float, copy=False)
+        except (TypeError, ValueError, OverflowError):
             raise ValueError(
                 f'{name} must be numbers of shape (..., {chain.joint_count}), got {values!r:.80}') from None
         if row.ndim == 0 or row.shape[-1] != chain.joint_count:

@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import inf, isfinite
+from types import MappingProxyType
 from typing import Mapping, Optional
 
 BASE = -1  # carrier index of a body that the base carries
@@ -134,6 +135,10 @@ class Chain:
     bodies: tuple[Body, ...]
     source: str = field(default=_Text(), compare=False, repr=False)
 
+    def __post_init__(self):
+        if isinstance(self.bodies, list):   # which has no hash and is equal to no tuple
+            self.__dict__['bodies'] = tuple(self.bodies)
+
     @cached_property
     def joints(self) -> tuple[Joint, ...]:
         """All joints in file order: for each body its slide, then its rotation."""
@@ -160,14 +165,14 @@ class Chain:
         return len(self.joints)
 
     @property
-    def parameters(self) -> dict[str, float]:
+    def parameters(self) -> Mapping[str, float]:
         """
         Every number that `with_parameters` can change, by its name: `gravity.x`, `BODY.mass`, `JOINT.damping` ...
 
-        A name that a body and a joint have gets `body:` or `joint:` in front.
+        Read-only. A name that a body and a joint have gets `body:` or `joint:` in front.
         """
         from .chain_parameters import parameters_of
-        return parameters_of(self)
+        return MappingProxyType(parameters_of(self))
 
     def with_parameters(self, values: Mapping[str, float]) -> Chain:
         """

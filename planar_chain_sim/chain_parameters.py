@@ -2,6 +2,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import isinf
+from numbers import Integral
 
 from .chain import Chain, ChainError, POINT_MASS, steiner_term
 from .chain_checks import build_chain, data_of
@@ -56,6 +58,8 @@ def with_parameters(chain: Chain, values: Mapping[str, float]) -> Chain:
         value = as_number(plain(given, name))
         if value is None:
             raise ChainError(f'parameter {shown_name(name)} is {shown(plain(given, name))}, must be a number')
+        if isinf(value) and isinstance(given, Integral):
+            raise ChainError(f'parameter {shown_name(name)} is too large, must be a number below 1.8e308')
         index, kind, key, part = places[name]
         owner = data if index is None else data['bodies'][index]
         if part is not None:

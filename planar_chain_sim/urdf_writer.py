@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import cmath
 from math import hypot, inf, pi
+from pathlib import Path
 import re
 import sys
 from typing import NamedTuple
@@ -259,6 +260,8 @@ def _write(arguments) -> int:
         write_document(text)
         return 0
     try:
+        if Path(options.output).is_file():
+            raise Mistake(f'{options.output!r}: the file exists and is not overwritten, give a new name')
         with open(options.output, 'w', encoding='utf-8') as stream:
             stream.write(text)
     except (OSError, ValueError) as error:

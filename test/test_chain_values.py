@@ -352,3 +352,20 @@ def test_repr_is_one_or_two_useful_lines():
         assert repr(value).startswith(begin), repr(value)
         assert len(repr(value)) < 320 and repr(value).count('\n') < 2
     assert dict(pcs.METHODS) == pcs.METHODS and list(pcs.METHODS)[1] == 'rk4'
+
+
+def test_parameters_are_read_only_and_bodies_of_a_list_are_a_tuple():
+    with pytest.raises(TypeError):
+        TWO.parameters['gravity.y'] = 0.0
+    again = replace(TWO, bodies=list(TWO.bodies))
+    assert again == TWO and hash(again) == hash(TWO) and isinstance(again.bodies, tuple)
+    with pytest.raises(ChainError, match='too large, must be a number below'):
+        TWO.with_parameters({'gravity.y': 10**400})
+
+
+@pytest.mark.parametrize('odd', [
+    ['1', '2', '3'], [b'1', b'2', b'3'], np.array(['1', '2', 3], dtype=object), [10**400, 0, 0], [1j, 0, 0],
+    np.zeros(3, 'datetime64[s]'), np.zeros(3, 'timedelta64[s]'), np.zeros(3, [('a', float)])])
+def test_what_is_no_number_is_no_position(odd):
+    with pytest.raises(ValueError, match=r'^position must be numbers of shape'):
+        pcs.body_poses(TWO, odd)

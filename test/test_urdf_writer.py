@@ -13,6 +13,7 @@ from urdf_parser_py.urdf import URDF
 import yourdfpy
 
 import planar_chain_sim as pcs
+from planar_chain_sim import urdf_writer
 from planar_chain_sim.chain_yaml import chain_from_text
 from planar_chain_sim.urdf_writer import link_names, SHARE, urdf_of
 
@@ -170,3 +171,11 @@ def test_a_carriage_has_a_part_that_is_easy_to_see():
     parts = [float(robot.find(f"link[@name='{name}']/inertial/mass").get('value'))
              for name in ('column_carriage', 'column')]
     assert sum(parts) == 2.0 and 0.5 * SHARE < parts[0] / 2.0 <= SHARE
+
+
+def test_a_file_that_exists_is_not_overwritten(tmp_path, capsys):
+    path = tmp_path / 'mine.urdf'
+    assert urdf_writer.main(['double_pendulum.yaml', '--output', str(path)]) == 0
+    written = path.read_bytes()
+    assert urdf_writer.main([str(path), '--output', str(path)]) == 2
+    assert 'exists and is not overwritten' in capsys.readouterr().err and path.read_bytes() == written
