@@ -10,6 +10,7 @@ from threading import Timer
 from time import monotonic, process_time
 import warnings
 
+from diagnostic_msgs.msg import DiagnosticArray
 from live import CONFIG, PATIENCE, Peer, Process, run, simulator
 import pytest
 from rcl_interfaces.msg import Parameter as ParameterMessage, ParameterValue
@@ -436,6 +437,8 @@ def test_what_takes_longer_than_its_time_out_is_still_under_way_and_told_afterwa
     with simulator(chain_file=tmp_path / 'slow.yaml', method='rodas5p', rate=1.0, tolerance=1e-11) as process, \
             Peer() as peer:
         peer.meet()
+        reports = peer.listen(DiagnosticArray, '/diagnostics')
+        peer.until(lambda: any('a tick is under way for' in r.status[0].message for r in reports))
         assert until_refused(lambda: peer.call('reset')).startswith('still under way after 2 s')
         process.wait_for('late answer to reset: initial state and zero efforts from tick')
         peer.until(lambda: any('"reset"' in event.data for event in peer.events))

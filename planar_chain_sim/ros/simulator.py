@@ -27,6 +27,7 @@ LOOK_PERIOD = 20_000_000  # ns between two looks at who publishes commands and a
 LONGEST_SLEEP = 10_000_000  # ns; a request or a stop is seen after at most this, whatever the rate
 LONGEST_BACKLOG = 20_000  # messages; as fast as possible is no faster than the disk
 ANSWER_TIMEOUT = 2.0  # s
+MEASURE_TIMEOUT = 0.5  # s: services must not wait behind diagnostics
 WITHDRAWN = ('set_parameters', 'measure', 'ignore')   # of no use to who has given up: a parameter reads as it was
 LONGEST_SILENCE = 1_000_000_000   # ns between two states while time stands, for those who come late
 STEP_SLICE = 20_000_000  # ns of steps between two looks at what else is asked
@@ -76,6 +77,7 @@ class Simulator:
         self._paused, self._end = values['start_paused'], None
         self._look_due = self._repeat_due = self._latch_due = 0
         self._requests, self._stopping, self._log_trouble = deque(), False, ''
+        self._begun = monotonic_ns()  # when the newest tick began
         self.overruled = 0   # how often somebody has paused, resumed or reset: who steps on gives way
         self._thread = Thread(target=self._run_guarded, name='tick', daemon=True)
 
@@ -104,13 +106,13 @@ class Simulator:
         'ignore' (topic, reason, sentence), of what has no effect; 'reset'; 'step'; 'step_on' (at most so many ticks,
         `overruled` when that was asked for first), whose sentence is the number of ticks done; 'pause' (bool, and
         whether to reset too); 'set_parameters' ({name: value}), all or none; 'measure', whose sentence is a
-        Measurement. Where a tick takes longer than ANSWER_TIMEOUT the answer is (False, so), and what was asked for is
-        done after it and told in the log; of WITHDRAWN nothing is done then.
+        Measurement. Where a tick takes longer than ANSWER_TIMEOUT (MEASURE_TIMEOUT for 'measure') the answer is
+        (False, so), and what was asked for is done after it and told in the log; of WITHDRAWN nothing is done then.
         """
         request = Request(what, arguments)
         self._requests.append(request)
         self._intake.wake()
-        until = monotonic_ns() + round(ANSWER_TIMEOUT * 1e9)
+        until = monotonic_ns() + round((MEASURE_TIMEOUT if what == 'measure' else ANSWER_TIMEOUT) * 1e9)
         while not self._stopping:
             try:
                 return request.reply.get(timeout=0.05)
@@ -121,6 +123,8 @@ class Simulator:
                 return self._leave(request)
             try:
                 self._requests.remove(request)
+                if what == 'measure':
+                    return False, f'a tick is under way for {(monotonic_ns() - self._begun) * 1e-9:.1f} s'
                 return False, f'not done: the simulation is in a tick that takes longer than {ANSWER_TIMEOUT:g} s'
             except ValueError:
                 request.late = True   # it is being done, and that takes no tick
@@ -261,6 +265,7 @@ class Simulator:
     def _tick(self, publish: bool = False) -> bool:
         """Advance one tick and show its state; where the motion ends stand at the last good state and return False."""
         publication, simulation = self._publication, self._simulation
+        self._begun = monotonic_ns()
         try:
             simulation.advance(1, self._held.effort, publication.outcome)
         except SimulationError as error:
