@@ -101,8 +101,9 @@ class ScenesAlone {
     const std::int64_t done = tick + progress.ticks;
     batch_.report(i, {done, progress.outcome, progress.joint});
     if (!all) return keep_state(batch_.state_row(i, done));
-    for (std::int64_t k = done + 1; k <= batch_.ticks; ++k) keep_state(batch_.state_row(i, k));
-    for (std::int64_t k = done; k < batch_.ticks; ++k)
+    // What is left is filled up; after a stop nobody reads it.
+    for (std::int64_t k = done + 1; k <= batch_.ticks && !lookout_->stop(1); ++k) keep_state(batch_.state_row(i, k));
+    for (std::int64_t k = done; k < batch_.ticks && !lookout_->stop(1); ++k)
       std::fill_n(batch_.effort_taken + batch_.effort_row(i, k), batch_.joints, 0.0);
   }
 
