@@ -292,12 +292,15 @@ def test_efforts_sent_once_by_hand_last_where_they_are_held():
         peer.meet()
         peer.node.destroy_publisher(peer.commands)   # no publisher but the one that comes and goes
         peer.node.destroy_publisher(peer.joint_commands)
-        once([2.0] * 5)
-        peer.until(lambda: events(peer, 'controller_loss'))
-        assert list(peer.new_state().effort) == [0.0] * 5
+
+        def sent(value):   # again where the node had not matched the sender yet when that left
+            once([value] * 5)
+            return [state for state in peer.states if state.effort[0] == value]
+
+        peer.until(lambda: sent(2.0) and events(peer, 'controller_loss'))
+        peer.new_state(lambda state: list(state.effort) == [0.0] * 5)
         assert peer.set(on_controller_loss='hold') == [(True, '')]
-        once([3.0] * 5)
-        first = peer.new_state(lambda state: state.effort[0] == 3.0)
+        first = peer.until(lambda: sent(3.0))[0]
         later = peer.new_state(lambda state: stamp_ns(state) > stamp_ns(first) + 1_000_000_000)
         assert list(later.effort) == [3.0] * 5
         assert process.stop() == 0, process.output
