@@ -281,14 +281,14 @@ def test_the_middleware_wakes_no_thread_for_each_state():
 
 def once(data, seconds=0.1):
     """Do what `ros2 topic pub --once` does: wait for a listener, publish, and leave a tenth of a second later."""
-    with Peer() as sender:
+    with Peer(namespace='/once') as sender:
         sender.until(sender.commands.get_subscription_count, 'a match')
         sender.commands.publish(Float64MultiArray(data=data))
         time.sleep(seconds)
 
 
 def test_efforts_sent_once_by_hand_last_where_they_are_held():
-    with simulator() as process, Peer() as peer:
+    with simulator('__ns:=/once') as process, Peer(namespace='/once') as peer:   # the module's own peer sends elsewhere
         peer.meet()
         peer.node.destroy_publisher(peer.commands)   # no publisher but the one that comes and goes
         peer.node.destroy_publisher(peer.joint_commands)
