@@ -72,6 +72,14 @@ class Process:
         self._reader.join(PATIENCE)
         return code
 
+    def end_within(self, seconds):
+        """Wait for the end; kill what has not ended by then."""
+        try:
+            self.popen.wait(seconds)
+        except subprocess.TimeoutExpired:
+            self.popen.kill()
+        return self.finish()
+
     def stop(self, number=signal.SIGINT):
         """End it as a user does and return the exit code."""
         self.send(number)
