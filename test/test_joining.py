@@ -23,7 +23,7 @@ def test_six_processes_that_join_at_once_cost_no_time(tmp_path):
         begin = time.monotonic() + 2.0
         joiners = [stack.enter_context(Process('joiner', '/joined/joint_states', ROUNDS, period, begin))
                    for _ in range(PROCESSES)]
-        # The DDS library can hang in a joiner that leaves (seen once in a hundred runs); the node must go on all the same.
+        # The DDS library can hang in a joiner that leaves, once in a hundred runs; the node must go on all the same.
         time.sleep(2.0 + ROUNDS * period)
         for joiner in joiners:
             joiner.end_within(10.0)
