@@ -87,7 +87,7 @@ def decoded(data: bytes, name: str) -> str:
     begin = data[:64]
     every_second_is_zero = len(begin) > 3 and any(begin) and not (any(begin[::2]) and any(begin[1::2]))
     if begin[:2] in (b'\xff\xfe', b'\xfe\xff') or every_second_is_zero:
-        raise ChainError(f'{name}: is UTF-16 text, must be UTF-8, in which an editor can save it')
+        raise ChainError(f'{name}: is UTF-16 or UTF-32 text, must be UTF-8, in which an editor can save it')
     if b'\0' in data:
         raise ChainError(f'{name}: is a binary file, must be a chain file in YAML')
     try:

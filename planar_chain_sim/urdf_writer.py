@@ -24,7 +24,7 @@ from xml.etree import ElementTree
 
 from .chain import BASE, Chain, Joint, RobotFileNote
 from .chain_section import clipped
-from .command_line import Mistake, Parser, run_command, write_document
+from .command_line import add_hold, Mistake, Parser, run_command, write_document
 from .visual import body_color, visual_ends
 
 UNLIMITED = 1e9  # N m, N, rad/s, m/s: stands for no limit where URDF demands one; the reader takes it as such
@@ -248,11 +248,12 @@ def _write(arguments) -> int:
     parser.add_argument('--commands', metavar='TOPIC', default=COMMANDS,
                         help=f'topic of commands in the <ros2_control> block; default {COMMANDS}')
     parser.add_argument('--states', metavar='TOPIC', default=STATES, help=f'topic of states there; default {STATES}')
+    add_hold(parser)
     options = parser.parse_args(arguments)
     for flag in ('commands', 'states'):
         if not TOPIC.fullmatch(getattr(options, flag)):
             raise Mistake(f'--{flag} is {clipped(getattr(options, flag))!r}, must be a topic such as /joint_states')
-    chain = load_chain(options.chain)
+    chain = load_chain(options.chain, options.hold)
     if lost := left_out(chain):
         warnings.warn(f'not in the URDF: {"; ".join(lost)}', RobotFileNote)
     text = urdf_of(chain, options.commands, options.states)

@@ -179,3 +179,11 @@ def test_a_file_that_exists_is_not_overwritten(tmp_path, capsys):
     written = path.read_bytes()
     assert urdf_writer.main([str(path), '--output', str(path)]) == 2
     assert 'exists and is not overwritten' in capsys.readouterr().err and path.read_bytes() == written
+
+
+def test_held_joints_are_welded_in_it(capsys):
+    assert urdf_writer.main(['double_pendulum.yaml', '--hold', 'lower_joint=90deg']) == 0
+    held, text = pcs.load_chain('double_pendulum.yaml', hold={'lower_joint': '90 deg'}), capsys.readouterr().out
+    assert held.joint_names == chain_from_text(text).joint_names == ('upper_joint',)
+    accelerations = [pcs.forward_dynamics(each, [0.3], [0.2], [0.1]) for each in (held, chain_from_text(text))]
+    np.testing.assert_allclose(*accelerations, rtol=1e-14)
