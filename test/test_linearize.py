@@ -1,10 +1,10 @@
 """The linearisation: against differences, closed eigenfrequencies, and the motion itself."""
 from dataclasses import replace
 
+from differences import differences
 import numpy as np
 import pytest
 from random_trees import one_joint, random_state, random_tree
-from test_stiff_joints import differences
 
 import planar_chain_sim as pcs
 

@@ -4,8 +4,8 @@ from xml.etree import ElementTree
 from live import Peer, Process, run, simulator
 import numpy as np
 import pytest
+from robot_arm import YAWING
 from std_msgs.msg import String
-from test_robot_files import YAWING
 
 from planar_chain_sim import forward_dynamics, load_chain
 

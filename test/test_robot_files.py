@@ -6,45 +6,13 @@ import warnings
 import numpy as np
 import pytest
 from random_robots import by_mujoco, by_pinocchio, inertial, random_robot, row
+from robot_arm import arm, load, POINT, refusal, YAWING
 
 import planar_chain_sim as pcs
-from planar_chain_sim.chain import RobotFileNote
 from planar_chain_sim.chain_yaml import chain_from_text
 
-POINT = '<inertia ixx="{0}" iyy="{0}" izz="{0}" ixy="0" ixz="0" iyz="0"/></inertial>'
-ARM = """<robot name="r"><link name="stand"/>
-<link name="a">{in_a}<inertial><origin xyz="0 0 -0.5"/><mass value="2"/>""" + POINT.format(0.1) + """</link>
-<link name="b"><inertial><origin xyz="0 0 -0.3"/><mass value="1"/>""" + POINT.format(0.02) + """</link>
-<joint name="s" type="continuous"><parent link="stand"/><child link="a"/><origin {mount}/><axis xyz="{axis}"/>
-{in_s}</joint>
-<joint name="e" type="{kind}"><parent link="a"/><child link="b"/><origin xyz="0 0 -1" rpy="{rpy}"/>
-<axis xyz="{second}"/>{in_e}</joint>{more}</robot>"""
-USUAL = {'in_a': '', 'mount': '', 'axis': '0 1 0', 'in_s': '', 'kind': 'continuous', 'rpy': '0 0 0', 'second': '0 1 0',
-         'in_e': '', 'more': ''}
 STATE = [0.3, -0.4], [0.5, 0.2], [0.0, 0.0]
 ACCELERATION = [-7.35932895481, 28.7823596235]   # of ARM as it is, by Pinocchio and MuJoCo
-
-
-def arm(**changes) -> str:
-    return ARM.format(**{**USUAL, **changes})
-
-
-def load(text: str, hold=None):
-    """Return the chain of a text, the note and the warnings that came with it."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter('always')
-        chain = chain_from_text(text, 'r.urdf', hold)
-    notes = [str(each.message) for each in caught if each.category is RobotFileNote]
-    assert len(notes) == 1 and notes[0].startswith('r.urdf: joints ') and notes[0].isprintable()
-    return chain, notes[0], [str(each.message) for each in caught if each.category is not RobotFileNote]
-
-
-def refusal(text: str, hold=None) -> str:
-    with pytest.raises(pcs.ChainError) as caught:
-        chain_from_text(text, 'r.urdf', hold)
-    sentence = str(caught.value)
-    assert sentence.isprintable() and ', must' in sentence and len(sentence) < 600
-    return sentence
 
 
 def agrees(text: str, chain, seed: int, tolerance: float = 1e-11, held: str = '') -> None:
@@ -279,12 +247,6 @@ def welded(text: str, joint: str) -> str:
     """Return the URDF with a joint fixed where it reads 0."""
     head, tail = text.split(f'<joint name="{joint}"')
     return head + f'<joint name="{joint}" type="fixed"' + tail.split('"', 2)[2]
-
-
-YAWING = arm(axis='0 0 1', kind='revolute', in_e='<limit lower="-2" upper="2" effort="9" velocity="0"/>',
-             more='<link name="c"><inertial><origin xyz="0.1 0 -0.2"/><mass value="0.5"/>' + POINT.format(0.01) +
-                  '</link><joint name="w" type="continuous"><parent link="b"/><child link="c"/><origin xyz="0 0 -0.6"/>'
-                  '<axis xyz="0 1 0"/></joint>')
 
 
 def test_a_joint_that_leaves_the_plane_of_the_others_is_named_and_can_be_held():

@@ -5,7 +5,7 @@ import sys
 import numpy as np
 import pytest
 from random_robots import random_robot
-from test_robot_files import load, POINT, refusal
+from robot_arm import load, POINT, refusal
 
 import planar_chain_sim as pcs
 from planar_chain_sim.chain_yaml import chain_from_text

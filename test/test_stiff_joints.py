@@ -2,11 +2,12 @@
 from dataclasses import replace
 import warnings
 
+from differences import differences
 import numpy as np
+from pinocchio_model import pinocchio_model, spring_and_damper
 import pytest
 from random_trees import one_joint, random_state, random_tree
 from test_methods import CONFIG, double_pendulum
-from test_peers import pinocchio_model, spring_and_damper
 
 import planar_chain_sim as pcs
 from planar_chain_sim import _kernel
@@ -14,15 +15,6 @@ from planar_chain_sim.integrators import method_data, METHODS
 from planar_chain_sim.plan import plan_of, step_limit
 
 SEEDS = range(30)
-
-
-def differences(function, size, h=1e-3):
-    """Jacobian of a function of (size,) at zero by six points: truncation of order h^6, round-off eps / h."""
-    columns = []
-    for unit in h * np.eye(size):
-        one, two, three = (function(k * unit) - function(-k * unit) for k in (1, 2, 3))
-        columns.append((45 * one - 9 * two + three) / (60 * h))
-    return np.array(columns).T
 
 
 @pytest.mark.parametrize('seed', SEEDS)
