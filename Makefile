@@ -31,7 +31,7 @@ run: $(RUN_READY)
 
 help:
 	@echo 'make run      simulate until Ctrl-C; ARGS="double_pendulum.yaml --ros-args -p rate:=500.0" are arguments'
-	@echo 'make test     run the tests; ARGS="test/test_node.py -k pause" are arguments of pytest'
+	@echo 'make test     run the tests; ARGS="test/ros/test_node.py -k pause" are arguments of pytest'
 	@echo 'make lint     flake8 and compiler warnings'
 	@echo 'make colcon   build as a ROS 2 workspace does, below build/'
 	@echo 'make bench    measure accuracy and speed beside other libraries, half an hour, into build/benchmark'
@@ -66,8 +66,8 @@ soak: $(BENCH_READY) $(TEST_READY)
 	@mkdir -p $(BENCH_FOLDER)
 	$(VENV)/bin/benchmark stability --csv $(BENCH_FOLDER)/stability.csv --picture $(BENCH_FOLDER)/stability.png \
 	  --peers MuJoCo
-	SOAK=20 $(PY) -m pytest test/test_node_process.py test/test_neighbours.py -k 'stop_signal or flood'
-	SOAK=30 $(PY) -m pytest test/test_joining.py
+	SOAK=20 $(PY) -m pytest test/ros/test_node_process.py test/ros/test_neighbours.py -k 'stop_signal or flood'
+	SOAK=30 $(PY) -m pytest test/ros/test_joining.py
 	$(PY) -m planar_chain_sim.benchmark.soak --rate 1000 --seconds 600
 	$(PY) -m planar_chain_sim.benchmark.soak --rate 2000 5000 --seconds 60
 	$(MAKE) fuzz races
@@ -88,7 +88,7 @@ build/watch-%.so: $(SOURCES) $(TEST_READY) Makefile
 WATCHED = @rm -rf build/$(1) && mkdir build/$(1) && cp -r planar_chain_sim config build/$(1) && \
   rm -f build/$(1)/planar_chain_sim/_kernel*.so && cp build/watch-$(1).so build/$(1)/planar_chain_sim/_kernel.so
 LIBRARIES = LD_PRELOAD="$$(for part in $(1); do $(CXX) -print-file-name=lib$$part.so; done | xargs)"
-FUZZ = PYTHONPATH=build/$(1) $(PY) test/border_fuzz.py --seconds $(FUZZ_SECONDS) $(2) $(ARGS)
+FUZZ = PYTHONPATH=build/$(1) $(PY) test/oracles/border_fuzz.py --seconds $(FUZZ_SECONDS) $(2) $(ARGS)
 fuzz: build/watch-memory.so build/watch-arithmetic.so
 	$(call WATCHED,memory)
 	$(call LIBRARIES,asan stdc++) ASAN_OPTIONS=detect_leaks=0:allocator_may_return_null=1 $(call FUZZ,memory)
@@ -103,8 +103,8 @@ races: build/watch-threads.so
 # The kernel for another kind of processor, emulated, against the one here: needs a cross compiler and qemu-user.
 aarch64: $(RUN_READY)
 	@mkdir -p build
-	aarch64-linux-gnu-g++ -std=c++17 -O2 -ffp-contract=off -static test/trajectory.cpp -o build/trajectory-aarch64
-	$(PY) test/portable_bits.py qemu-aarch64-static build/trajectory-aarch64
+	aarch64-linux-gnu-g++ -std=c++17 -O2 -ffp-contract=off -static test/kernel/trajectory.cpp -o build/trajectory-aarch64
+	$(PY) test/kernel/portable_bits.py qemu-aarch64-static build/trajectory-aarch64
 
 # A candidate is run, not looked up: a name on the PATH can be a shim that fails, or lack venv or the C headers.
 CANDIDATES := $(or $(PYTHON),python3.14 python3.13 python3.12 python3.11 python3.10 python3)

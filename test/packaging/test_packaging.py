@@ -1,0 +1,143 @@
+"""The two layouts of `colcon build`: executables, configuration, ament marker, and a kernel from the install tree."""
+import os
+from pathlib import Path
+import re
+import shutil
+import subprocess
+import sys
+import tarfile
+from xml.etree import ElementTree
+
+import pytest
+
+import planar_chain_sim
+
+ROOT = Path(__file__).resolve().parents[2]
+NAME = 'planar_chain_sim'
+EXECUTABLES = ['benchmark', 'equations', 'example_controller', 'replay', 'resimulate', 'rollout', 'simulator', 'urdf']
+LAYOUTS = {'copied': [], 'linked': ['--symlink-install']}
+NOT_SOURCES = shutil.ignore_patterns('.*', 'build', 'install', 'log', 'dist', '*.egg-info', '__pycache__', '_kernel*')
+
+
+def colcon(workspace, *arguments):
+    """Start colcon in a workspace, with an interpreter's own colcon before any other."""
+    path = os.pathsep.join([os.path.dirname(sys.executable), os.environ['PATH']])
+    program = shutil.which('colcon', path=path)
+    assert program, 'colcon is missing: pip install colcon-common-extensions'
+    return subprocess.Popen([program, *arguments], cwd=workspace, env={**os.environ, 'PATH': path},
+                            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+
+
+@pytest.fixture(scope='module')
+def workspaces(tmp_path_factory):
+    """Build a copy of the sources in each layout, both at once, and return the workspaces."""
+    folders = {layout: tmp_path_factory.mktemp(layout) for layout in LAYOUTS}
+    for folder in folders.values():
+        shutil.copytree(ROOT, folder / 'src' / NAME, ignore=NOT_SOURCES)
+    builds = [colcon(folders[layout], 'build', *options) for layout, options in LAYOUTS.items()]
+    for build in builds:
+        output, _ = build.communicate(timeout=600)
+        assert build.returncode == 0, output
+        assert "doesn't explicitly install" not in output  # colcon adds a missing marker or package.xml, with a warning
+    return folders
+
+
+@pytest.fixture(params=LAYOUTS)
+def workspace(request, workspaces):
+    """Return the workspace of one layout."""
+    return workspaces[request.param]
+
+
+def run_installed(workspace, *command):
+    """Run a command as a user does who has sourced the workspace, away from all sources."""
+    return subprocess.run(['bash', '-c', '. "$0/install/setup.bash" && exec "$@"', workspace, *command],
+                          cwd=workspace.parent, capture_output=True, text=True, timeout=60)
+
+
+def test_installed_files_are_where_ros_looks(workspace):
+    prefix = workspace / 'install' / NAME
+    executables = sorted((prefix / 'lib' / NAME).iterdir())
+    assert [path.name for path in executables] == EXECUTABLES
+    assert all(os.access(path, os.X_OK) for path in executables)
+    assert (prefix / 'share/ament_index/resource_index/packages' / NAME).is_file()
+    assert (prefix / 'share' / NAME / 'package.xml').read_text() == (ROOT / 'package.xml').read_text()
+    shipped = {path.name: path.read_text() for path in (ROOT / 'config').iterdir()}
+    assert {path.name: path.read_text() for path in (prefix / 'share' / NAME / 'config').iterdir()} == shipped
+    assert 'four_link_robot.yaml' in shipped
+    for name in ('view.launch.py', 'view.rviz'):
+        assert (prefix / 'share' / NAME / 'launch' / name).read_text() == (ROOT / 'launch' / name).read_text()
+
+
+def test_kernel_and_modules_come_from_the_workspace(workspace):
+    names = [NAME, f'{NAME}._kernel', *(f'{NAME}.{folder.name}' for folder in (ROOT / NAME).iterdir()
+                                        if (folder / '__init__.py').exists())]
+    places = run_installed(workspace, sys.executable, '-c', 'import importlib, sys\n'
+                           'for name in sys.argv[1:]: print(importlib.import_module(name).__file__)', *names)
+    assert places.returncode == 0, places.stderr
+    for place in places.stdout.split():
+        assert workspace in Path(place).resolve().parents
+    profile, = (Path(place).with_name('fast_dds.xml') for place in places.stdout.split() if '/ros/' in place)
+    assert profile.read_text() == (ROOT / NAME / 'ros' / 'fast_dds.xml').read_text()
+
+
+def test_chain_file_is_found_in_the_ament_index(workspace):
+    place = run_installed(workspace, sys.executable, '-c', f'from {NAME}.chain_yaml import find_chain_file\n'
+                          "print(find_chain_file('four_link_robot.yaml'))")
+    expected = workspace / 'install' / NAME / 'share' / NAME / 'config/four_link_robot.yaml'
+    assert place.stdout.strip() == str(expected), place.stderr
+
+
+@pytest.mark.parametrize('name', EXECUTABLES)
+def test_executable_shows_help(workspace, name):
+    shown = run_installed(workspace, workspace / 'install' / NAME / 'lib' / NAME / name, '--help')
+    assert shown.returncode == 0, shown.stderr
+    assert name in shown.stdout
+
+
+def test_colcon_test_tests_what_is_installed(workspaces):
+    workspace = workspaces['copied']
+    run = colcon(workspace, 'test', '--event-handlers', 'console_direct+',
+                 '--pytest-args', '-k', 'test_the_kernel_loads_from_its_own_package', '--return-code-on-test-failure')
+    output, _ = run.communicate(timeout=120)
+    assert run.returncode == 0 and '1 passed' in output, output
+
+
+def test_the_kernel_loads_from_its_own_package():
+    # an editable install elsewhere would lend its kernel to a package without one
+    from planar_chain_sim import _kernel
+    assert Path(_kernel.__file__).parent == Path(planar_chain_sim.__file__).parent
+
+
+ROSDEP_KEYS = {'mcap': 'mcap-ros2-support', 'numpy': 'python3-numpy', 'pyyaml': 'python3-yaml', 'tqdm': 'python3-tqdm'}
+
+
+def test_rosdep_installs_what_pip_does():
+    listed = re.search(r'install_requires=\[(.*?)\]', (ROOT / 'setup.py').read_text(), re.DOTALL).group(1)
+    needed = re.findall(r"'([a-z0-9-]+)", listed)
+    wanted = {part.text for part in ElementTree.parse(ROOT / 'package.xml').getroot().iter('exec_depend')}
+    assert needed and {ROSDEP_KEYS[name] for name in needed} <= wanted
+
+
+def test_metadata_agrees():
+    package = ElementTree.parse(ROOT / 'package.xml').getroot()
+    maintainer = package.find('maintainer')
+    fields = {'--name': package.findtext('name'), '--version': package.findtext('version'),
+              '--description': package.findtext('description'), '--license': package.findtext('license'),
+              '--maintainer': maintainer.text, '--maintainer-email': maintainer.get('email')}
+    setup = subprocess.run([sys.executable, 'setup.py', *fields], cwd=ROOT, capture_output=True, text=True)
+    assert setup.stdout.splitlines() == list(fields.values()), setup.stderr
+    assert planar_chain_sim.__version__ == package.findtext('version')
+
+
+def test_the_source_distribution_has_all_that_builds_and_tests_the_package(tmp_path):
+    """Compare the archive with the sources it was made from: headers, tests, configuration and documents are in it."""
+    source = tmp_path / 'source'
+    shutil.copytree(ROOT, source, ignore=NOT_SOURCES)
+    subprocess.run([sys.executable, 'setup.py', '-q', 'sdist', '-d', tmp_path], cwd=source, check=True,
+                   capture_output=True)
+    archive, = tmp_path.glob('*.tar.gz')
+    with tarfile.open(archive) as opened:
+        packed = {str(Path(*Path(name).parts[1:])) for name in opened.getnames()}
+    wanted = {str(path.relative_to(source)) for path in source.rglob('*')
+              if path.is_file() and not path.relative_to(source).parts[0].endswith('.egg-info')}
+    assert wanted and wanted <= packed, sorted(wanted - packed)
