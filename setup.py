@@ -25,7 +25,7 @@ def pybind11_include():
 
 setup(
     name=NAME,
-    version='0.1.0',
+    version='0.2.0',
     description='Planar chains and trees of rigid bodies, simulated in real time and recorded so that a run repeats '
                 'bit for bit.',
     maintainer='planar_chain_sim maintainers',

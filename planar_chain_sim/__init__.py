@@ -15,7 +15,7 @@ Names are loaded when first used, so that an executable's first statement can be
 """
 from importlib import import_module
 
-__version__ = '0.1.0'
+__version__ = '0.2.0'
 
 _HOME = {
     'BatchRun': 'batch', 'rollout_batch': 'batch',

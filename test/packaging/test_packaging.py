@@ -1,4 +1,5 @@
 """The two layouts of `colcon build`: executables, configuration, ament marker, and a kernel from the install tree."""
+import ast
 import os
 from pathlib import Path
 import re
@@ -108,14 +109,36 @@ def test_the_kernel_loads_from_its_own_package():
     assert Path(_kernel.__file__).parent == Path(planar_chain_sim.__file__).parent
 
 
-ROSDEP_KEYS = {'mcap': 'mcap-ros2-support', 'numpy': 'python3-numpy', 'pyyaml': 'python3-yaml', 'tqdm': 'python3-tqdm'}
+ROSDEP_KEYS = {'lz4': 'mcap-ros2-support', 'matplotlib': 'python3-matplotlib', 'mcap': 'mcap-ros2-support',
+               'numpy': 'python3-numpy', 'pyyaml': 'python3-yaml', 'tqdm': 'python3-tqdm', 'yaml': 'python3-yaml',
+               'zstandard': 'mcap-ros2-support'}
+USED_IF_INSTALLED = {'heyoka', 'mpmath', 'mujoco', 'pinocchio', 'pydrake', 'scipy', 'simulation_interfaces'}
+
+
+def run_dependencies():
+    """Return the rosdep keys of package.xml that are needed to run."""
+    return {part.text for part in ElementTree.parse(ROOT / 'package.xml').getroot().iter('exec_depend')}
+
+
+def imported_packages(path):
+    """Return the top-level packages that a source file imports from outside."""
+    nodes = list(ast.walk(ast.parse(path.read_text())))
+    names = [alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names]
+    names += [node.module for node in nodes if isinstance(node, ast.ImportFrom) and not node.level]
+    return {name.partition('.')[0] for name in names} - sys.stdlib_module_names - {NAME}
 
 
 def test_rosdep_installs_what_pip_does():
     listed = re.search(r'install_requires=\[(.*?)\]', (ROOT / 'setup.py').read_text(), re.DOTALL).group(1)
     needed = re.findall(r"'([a-z0-9-]+)", listed)
-    wanted = {part.text for part in ElementTree.parse(ROOT / 'package.xml').getroot().iter('exec_depend')}
-    assert needed and {ROSDEP_KEYS[name] for name in needed} <= wanted
+    assert needed and {ROSDEP_KEYS[name] for name in needed} <= run_dependencies()
+
+
+def test_rosdep_installs_all_that_is_imported():
+    sources = [*(ROOT / NAME).rglob('*.py'), *(ROOT / 'launch').glob('*.py')]
+    imported = set().union(*map(imported_packages, sources)) - USED_IF_INSTALLED
+    assert {'numpy', 'rclpy', 'launch_ros'} <= imported
+    assert {ROSDEP_KEYS.get(name, name) for name in imported} <= run_dependencies()
 
 
 def test_metadata_agrees():
