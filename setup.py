@@ -50,7 +50,7 @@ setup(
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
         (f'share/{NAME}/config', sorted(glob('config/*.yaml'))),
-        (f'share/{NAME}/launch', ['launch/view.launch.py', 'launch/view.rviz']),
+        (f'share/{NAME}/launch', sorted(glob('launch/*.*'))),
     ],
     include_package_data=False,  # the kernel is installed compiled, its sources stay here
     zip_safe=False,

@@ -12,6 +12,7 @@ try:
     from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction
     from launch.substitutions import LaunchConfiguration
     from launch_ros.actions import Node
+    from launch_ros.parameter_descriptions import ParameterValue
 except ImportError as error:
     print(f'view.launch.py: needs launch and launch_ros ({error}), must be run by ros2 launch where ROS 2 is installed '
           '(apt install ros-jazzy-launch-ros)', file=sys.stderr)
@@ -39,14 +40,18 @@ def description_of(chain):
 
 def start(context):
     """Return the nodes, and a line for each that is not installed."""
-    chain = LaunchConfiguration('chain').perform(context)
+    chain, namespace, file = (LaunchConfiguration(name).perform(context)
+                              for name in ('chain', 'namespace', 'parameters'))
     viewer = installed('robot_state_publisher')
-    actions = [Node(package=NAME, executable='simulator', output='screen', parameters=[{
-        'chain_file': chain, 'publish_robot_description': not viewer,
-        'publish_tf': not viewer and installed('tf2_msgs')}])]
-    if viewer:
-        actions.append(Node(package='robot_state_publisher', executable='robot_state_publisher', parameters=[{
-            'robot_description': description_of(chain), 'publish_frequency': 50.0}]))
+    parameters = [{'chain_file': chain, 'publish_robot_description': not viewer,
+                   'publish_tf': not viewer and not namespace and installed('tf2_msgs')}]
+    actions = [Node(package=NAME, executable='simulator', namespace=namespace, output='screen',
+                    parameters=parameters + ([file] if file else []))]
+    if viewer:   # frames of several robots need different names
+        actions.append(Node(package='robot_state_publisher', executable='robot_state_publisher', namespace=namespace,
+                            parameters=[{'robot_description': ParameterValue(description_of(chain), value_type=str),
+                                         'publish_frequency': 50.0,
+                                         'frame_prefix': f'{namespace}/' if namespace else ''}]))
     else:
         actions.append(LogInfo(msg='robot_state_publisher is not installed (apt install '
                                'ros-jazzy-robot-state-publisher): the simulator publishes TF itself where it can'))
@@ -63,5 +68,7 @@ def generate_launch_description():
     """Return what ros2 launch starts."""
     return LaunchDescription([
         DeclareLaunchArgument('chain', default_value='four_link_robot.yaml', description='chain file, URDF or MJCF'),
+        DeclareLaunchArgument('namespace', default_value='', description='of the nodes; prefix of the frames'),
+        DeclareLaunchArgument('parameters', default_value='', description='YAML file with parameters of the simulator'),
         DeclareLaunchArgument('rviz', default_value='true', description='start RViz too'),
         OpaqueFunction(function=start)])

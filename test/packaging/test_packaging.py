@@ -65,8 +65,9 @@ def test_installed_files_are_where_ros_looks(workspace):
     shipped = {path.name: path.read_text() for path in (ROOT / 'config').iterdir()}
     assert {path.name: path.read_text() for path in (prefix / 'share' / NAME / 'config').iterdir()} == shipped
     assert 'four_link_robot.yaml' in shipped
-    for name in ('view.launch.py', 'view.rviz'):
-        assert (prefix / 'share' / NAME / 'launch' / name).read_text() == (ROOT / 'launch' / name).read_text()
+    started = {path.name: path.read_text() for path in (ROOT / 'launch').iterdir() if path.is_file()}
+    assert {path.name: path.read_text() for path in (prefix / 'share' / NAME / 'launch').iterdir()} == started
+    assert {'view.launch.py', 'view.rviz', 'two_arms.launch.py', 'two_arms.yaml'} <= {*started}
 
 
 def test_kernel_and_modules_come_from_the_workspace(workspace):

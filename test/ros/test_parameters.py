@@ -544,3 +544,17 @@ def test_values_that_do_not_go_together_are_one_sentence(declared, parameters, s
     with pytest.raises(Mistake) as mistake:
         declared(*parameters)
     assert str(mistake.value) == sentence
+
+
+@pytest.mark.parametrize('namespace, publish_rate, gravity', [('/left', 100.0, -9.81), ('/right', 50.0, -1.62)])
+def test_the_parameter_file_of_two_arms_gives_each_its_own(namespace, publish_rate, gravity):
+    arguments = ['--ros-args', '--params-file', CONFIG.parent / 'launch/two_arms.yaml', '-r', f'__ns:={namespace}']
+    with Process('planar_chain_sim.ros.node', *arguments) as process, Peer(namespace=namespace) as peer:
+        process.wait_for('running')
+        peer.meet()
+        assert read_back(peer, 'rate').double_value == 1000.0
+        assert read_back(peer, 'on_controller_loss').string_value == 'hold'
+        assert read_back(peer, 'publish_rate').double_value == publish_rate
+        assert list(read_back(peer, 'gravity').double_array_value) == [0.0, gravity]
+        assert process.stop() == 0, process.output
+        assert 'nothing for this node' not in process.output
