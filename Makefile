@@ -12,7 +12,7 @@ BENCH_READY := $(VENV)/bench-ready-$(FOLDER)
 RUN_EXTRAS := ros
 TEST_EXTRAS := ros,test
 BENCH_EXTRAS := ros,benchmark
-SOURCES := setup.py pyproject.toml $(wildcard $(KERNEL)/*.* $(KERNEL)/*/*)
+SOURCES := setup.py pyproject.toml $(wildcard $(addprefix $(KERNEL)/,*.cpp */*.hpp */*/*.hpp))
 
 # The packages of a sourced ROS belong to its own Python; here everything comes from .venv.
 unexport PYTHONPATH PYTHONHOME AMENT_PREFIX_PATH COLCON_PREFIX_PATH CMAKE_PREFIX_PATH

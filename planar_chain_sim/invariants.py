@@ -1,7 +1,7 @@
 """
 Kinetic and potential energy and power in the reference form, as matrices: (5.65), (5.71), (5.72).
 
-Symbols as in equations_of_motion.py. The kernel's twin is Recursion::energy in kernel/recursive.hpp.
+Symbols as in equations_of_motion.py. The kernel's twin is Recursion::energy in kernel/forms/recursive.hpp.
 """
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 JOINT_FORCES: the laws of joint effort, one per row, each on the relative coordinate (equations.md 4).
 
 A row says which joints have the law, what effort it adds (N m or N), what energy it stores (J), and the numbers that
-the kernel's header of the same law takes (kernel/laws/).
+the kernel's header of the same law takes (kernel/model/laws/).
 """
 from __future__ import annotations
 

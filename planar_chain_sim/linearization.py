@@ -10,7 +10,7 @@ from .dynamics import no_acceleration
 from .plan import plan_of
 
 
-# In the order of `enum class Refusal` (kernel/py_model.hpp); a joint that stands still has a sentence of its own.
+# In the order of `enum class Refusal` (kernel/python/model.hpp); a joint that stands still has a sentence of its own.
 _WHY_NOT = (None, 'the configuration is singular', 'the acceleration is not finite',
             'the derivatives of the acceleration are not finite')
 _STANDS_STILL = len(_WHY_NOT)
@@ -32,11 +32,11 @@ def linearize(chain: Chain, position, velocity, effort) -> Linearization:
 
         A = [[0, 1], [-H^-1 K, -H^-1 C]],   B = [[0], [H^-1]]
 
-    K and C are the kernel's, in closed form (kernel/jacobian.hpp; as in Carpentier and Mansard, Analytical derivatives
-    of rigid body dynamics algorithms, 2018), and so are the products with H^-1, by the factors of the recursion
-    (kernel/response.hpp; equations.md 6.2). At an equilibrium the eigenvalues of A are those of small oscillations.
-    Effort limits and stops are not known. ValueError: bad shape, non-finite value, a joint with friction that stands
-    still, where Coulomb's law has no derivative. SimulationError: singular configuration.
+    K and C are the kernel's, in closed form (kernel/forms/jacobian.hpp; as in Carpentier and Mansard, Analytical
+    derivatives of rigid body dynamics algorithms, 2018), and so are the products with H^-1, by the factors of the
+    recursion (kernel/forms/response.hpp; equations.md 6.2). At an equilibrium the eigenvalues of A are those of small
+    oscillations. Effort limits and stops are not known. ValueError: bad shape, non-finite value, a joint with friction
+    that stands still, where Coulomb's law has no derivative. SimulationError: singular configuration.
     """
     A, B, refusal, joint = plan_of(chain).model.linearize(position, velocity, effort)
     if refusal == _STANDS_STILL:

@@ -4,7 +4,7 @@
 #include <memory>
 #include <vector>
 
-#include "../kernel/methods.hpp"
+#include "../kernel/integrators/methods.hpp"
 
 namespace pc = planar_chain;
 

@@ -104,7 +104,7 @@ class Build:
 
     def __init__(self, bare: bool):
         kernel = Path(__file__).resolve().parent.parent / 'kernel'
-        headers = sorted(kernel.glob('*.hpp'))
+        headers = sorted(kernel.rglob('*.hpp'))
         if not headers:
             raise Missing('the kernel is installed without its sources')
         self._library = compile_shared(

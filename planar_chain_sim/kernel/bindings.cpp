@@ -1,16 +1,17 @@
 // The border between Python and the kernel: numbers in, arrays and status codes out. Numbers are checked once:
-// py_arrays.hpp does it where calls are short; of batches and messages the caller has done it. Long calls hold no GIL.
+// python/arrays.hpp does it where calls are short; of batches and messages the caller has done it. Long calls hold no
+// GIL.
 #include <complex>
 #include <cstdint>
 #include <string>
 #include <tuple>
 #include <vector>
 
-#include "py_batch.hpp"
-#include "py_model.hpp"
-#include "py_stepper.hpp"
-#include "py_messages.hpp"
-#include "trigonometry.hpp"
+#include "arithmetic/trigonometry.hpp"
+#include "python/batch.hpp"
+#include "python/messages.hpp"
+#include "python/model.hpp"
+#include "python/stepper.hpp"
 
 PYBIND11_MODULE(_kernel, module) {
   module.doc() = "Compiled twin of equations_of_motion.py and joint_forces.py; batches are checked by the caller.";

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "../../planar_chain_sim/kernel/methods.hpp"
-#include "../../planar_chain_sim/kernel/rollout.hpp"
+#include "../../planar_chain_sim/kernel/integrators/methods.hpp"
+#include "../../planar_chain_sim/kernel/integrators/rollout.hpp"
 
 namespace pc = planar_chain;
 

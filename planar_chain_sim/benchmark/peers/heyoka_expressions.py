@@ -2,7 +2,7 @@
 The right-hand sides that heyoka is given: articulated bodies for any tree, the closed form for two rods.
 
 Both in absolute angles, where a planar arm has its fewest terms; symbols as in docs/equations.md and
-kernel/recursive.hpp, whose recursion this is, written out as heyoka expressions. A plane vector is a pair (x, y).
+kernel/forms/recursive.hpp, whose recursion this is, written out as heyoka expressions. A plane vector is a pair (x, y).
 """
 from __future__ import annotations
 

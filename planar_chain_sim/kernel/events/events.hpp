@@ -1,0 +1,354 @@
+// Stops and dry friction: motion that is smooth between events, and the events, located to the method's accuracy.
+//
+// A joint with friction that does not turn, or one that rests on a stop, stands: it is built into the chain
+// (standing_joints.hpp) and what holds it is a constraint effort lambda with bounds. Between events the moving joints
+// are a plain chain under efforts, friction being -tau_c sgn(theta') with a constant sign. Events end such a stretch:
+//
+//   a moving joint reaches a stop         impact
+//   a rate with friction falls to zero    it sticks, or goes on, or turns back
+//   lambda leaves its bounds              it slips, or leaves the stop
+//
+// Each is the first time at which a watch, a smooth function, becomes negative (watched_motion.hpp). They are looked
+// for step by step of the method, not tick by tick. What happens then is decided for all joints together (holding.hpp),
+// by the numbers that the watches are made of (holding_effort.hpp): a joint stands where lambda is within its bounds but
+// for twice what rounding may do to it, and breaks away beyond four times that. So neither can call for the other at the
+// same place.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <deque>
+#include <memory>
+#include <vector>
+
+#include "../integrators/methods.hpp"
+#include "holding.hpp"
+#include "holding_effort.hpp"
+#include "moving_part.hpp"
+#include "watched_motion.hpp"
+
+namespace planar_chain {
+
+enum class EventKind { touched, left, stuck, slipped };
+
+struct JointEvent {
+  std::int64_t tick;  // the last one before it
+  double offset;      // s behind that tick
+  EventKind kind;
+  int joint;
+  double speed;       // with which a stop was touched
+};
+
+class EventDriven final : public Integrator {
+ public:
+  EventDriven(const Chain& chain, const JointForces& forces, const MethodData& method, double step, bool dense)
+      : chain_(chain), forces_(forces), method_(method), step_(step), dense_(dense), joints_(chain.joint_count),
+        holding_(chain, forces), part_(chain, forces), effort_(holding_, part_, joints_),
+        watched_(method_, step, holding_, part_, effort_), kept_(joints_), standing_at_(joints_) {}
+
+  std::deque<JointEvent> events;  // the newest most_kept, for whoever takes them
+
+  Progress advance(double now, std::int64_t tick, std::int64_t ticks, JointState& state,
+                   const double* actuator) override {
+    Progress progress;
+    double offset = now - static_cast<double>(tick) * step_;
+    for (; progress.ticks < ticks; ++progress.ticks, offset = 0.0)
+      if (stopped(joints_)) return progress.outcome = Outcome::interrupted, progress;
+      else if (!coast(tick + progress.ticks, offset, state, actuator) &&
+               !go(tick + progress.ticks, offset, step_, state, actuator, progress))
+        break;
+    return progress;
+  }
+
+  bool reach(double now, std::int64_t tick, double time, JointState& state, const double* actuator,
+             Progress& progress) override {
+    if (!method_.adaptive) return false;
+    const double start = static_cast<double>(tick) * step_;
+    go(tick, now - start, time - start, state, actuator, progress);
+    return true;
+  }
+
+  void look_out(Lookout* lookout) override {
+    lookout_ = lookout;
+    if (watched_.motion()) watched_.motion()->look_out(lookout);
+  }
+
+  void forget() override { under_way_ = changed_ = false; }
+
+  // The moving part has forces of its own, made from these.
+  void forces_changed() override { changed_ = under_way_, built_ = false; }
+
+  // Goes on from what stands and slides in `other`, whose chain has the same joints.
+  void adopt(const EventDriven& other) {
+    holding_.standing = other.holding_.standing, holding_.sign = other.holding_.sign;
+    holding_.places = other.holding_.places, effort_.held = other.effort_.held;
+    standing_at_ = other.standing_at_;
+    under_way_ = changed_ = other.under_way_;
+  }
+
+  // Whether anything goes on; then the actuators' efforts, of each joint whether it stands, which way it slides, by how
+  // much lambda may exceed its bounds and where it stands, and the motion's own.
+  void save(std::vector<double>& all) const override {
+    all.push_back(static_cast<double>(Kept::events)), all.push_back(!under_way_ ? 0.0 : changed_ ? 2.0 : 1.0);
+    if (!under_way_) return;
+    all.insert(all.end(), effort_.held.begin(), effort_.held.end());
+    for (int j = 0; j < joints_; ++j) all.push_back(holding_.standing[j] ? 1.0 : 0.0), all.push_back(holding_.sign[j]);
+    for (const auto* part : {&effort_.excess, &standing_at_.position, &standing_at_.position_remainder})
+      all.insert(all.end(), part->begin(), part->end());
+    if (watched_.motion() && !changed_) watched_.motion()->save(all);
+  }
+
+  bool load(KeptNumbers& kept, std::int64_t tick, double now, const JointState* state) override {
+    int status;
+    if (!kept.is(Kept::events) || !kept.whole(status, 0, 2)) return false;
+    under_way_ = status != 0, changed_ = status == 2;
+    if (!under_way_) return kept.left() == 0;
+    if (!kept.numbers(effort_.held)) return false;
+    for (int j = 0; j < joints_; ++j) {
+      bool stands;
+      if (!kept.whole(stands, 0, 1) || !kept.whole(holding_.sign[j], -1, 1)) return false;
+      holding_.standing[j] = stands;
+    }
+    for (auto* part : {&effort_.excess, &standing_at_.position, &standing_at_.position_remainder})
+      if (!kept.numbers(*part)) return false;
+    for (int j = 0; j < joints_; ++j)
+      if (effort_.excess[j] < 0.0 ||
+          (state != nullptr && holding_.standing[j] &&
+           (state->position[j] != standing_at_.position[j] || state->velocity[j] != 0.0)))
+        return false;
+    holding_.places = standing_at_.position;
+    if (changed_) return kept.left() == 0;
+    make_part();
+    watched_.begin(standing_at_, lookout_);
+    if (!watched_.motion()) return kept.left() == 0;
+    if (state != nullptr) part_.gather(*state, watched_.moved);
+    kept.cut = true;
+    return watched_.motion()->load(kept, tick, now, state != nullptr ? &watched_.moved : nullptr);
+  }
+
+  // Accelerations at a state under the actuators that acted last, of joints that stand zero; -1, or the joint whose
+  // pivot vanished.
+  int accelerate(const JointState& state, const double* actuator, double* acceleration) {
+    if (!under_way_ || changed_) {               // what stands in this state is not decided yet
+      EventDriven decided(chain_, forces_, method_, step_, dense_);
+      JointState start = state;
+      Progress progress;
+      if (!decided.begin(0, 0.0, start, actuator, progress)) return progress.joint;
+      return decided.accelerate(start, actuator, acceleration);
+    }
+    part_.gather(state, watched_.moved);
+    const int joint = part_.accelerate(watched_.moved);
+    part_.spread(acceleration, joints_);
+    return joint < 0 ? -1 : part_.joint_of(joint);
+  }
+
+ private:
+  static constexpr std::size_t most_kept = 4096;
+
+  // So many events in so short a time, s, are no motion.
+  static constexpr int most_events = 1000;
+  static constexpr double least_time = 1e-9;
+
+  // To the next tick where nothing changes and nothing happens, in a step that has been looked through that far.
+  bool coast(std::int64_t tick, double from, JointState& state, const double* actuator) {
+    if (!under_way_ || changed_ || !are_held(actuator)) return false;
+    if (!watched_.motion()) return true;       // everything stands
+    if (!watched_.coast(tick, from)) return false;
+    part_.scatter(watched_.located, state);
+    return true;
+  }
+
+  bool are_held(const double* actuator) const {
+    return std::memcmp(effort_.held.data(), actuator, effort_.held.size() * sizeof(double)) == 0;
+  }
+
+  // From `from` to `to` s behind `tick`; false, with the state as it was, where it fails.
+  bool go(std::int64_t tick, double from, double to, JointState& state, const double* actuator, Progress& progress) {
+    kept_ = state, saved_.clear(), save(saved_);
+    const std::int64_t events_before = counts.events;
+    if (begin(tick, from, state, actuator, progress) && run(tick, from, to, state, progress)) return true;
+    state = kept_, under_way_ = changed_ = false;
+    if (progress.outcome != Outcome::interrupted) return false;
+    for (std::int64_t k = counts.events - events_before; k > 0 && !events.empty(); --k) events.pop_back();
+    counts.events = events_before;
+    KeptNumbers saved(saved_.data(), saved_.data() + saved_.size());
+    if (!load(saved, tick, static_cast<double>(tick) * step_ + from, nullptr)) under_way_ = false;
+    return false;
+  }
+
+  // Where efforts or the state have changed, all that stands and slides is decided anew.
+  bool begin(std::int64_t tick, double offset, JointState& state, const double* actuator, Progress& progress) {
+    if (under_way_ && !changed_ && are_held(actuator)) return true;
+    if (!under_way_) std::fill(holding_.standing.begin(), holding_.standing.end(), false);
+    std::memcpy(effort_.held.data(), actuator, effort_.held.size() * sizeof(double));
+    const bool known = under_way_;
+    under_way_ = true, changed_ = false;
+    watched_.violated.clear();
+    return settle(tick, offset, state, known, progress);
+  }
+
+  bool run(std::int64_t tick, double from, double to, JointState& state, Progress& progress) {
+    double at = from, since = from;
+    bool passed = false;
+    for (int happened = 0; at < to;) {
+      Motion* const motion = watched_.motion();
+      if (motion == nullptr) return true;      // everything stands, under efforts that do not change
+      part_.gather(state, watched_.moved);
+      if (!watched_.look(tick, at, to, passed, progress)) return failed(progress);
+      const double wanted = motion->into_step(to);
+      passed = wanted > watched_.length();
+      const double asked = passed ? watched_.length() : wanted;
+      double into = asked;
+      const Found found = watched_.find(into, progress);
+      if (found == Found::failed) return failed(progress);
+      count();
+      if (coarse.joint < 0 && motion->coarse.joint >= 0)
+        coarse = motion->coarse, coarse.joint = part_.joint_of(coarse.joint);
+      part_.scatter(watched_.located, state);
+      if (found == Found::nothing && into == asked && !passed) return true;
+      at = std::fmin(to, std::fmax(at, motion->behind_tick(into)));
+      if (found == Found::nothing) continue;
+      passed = false;
+      if (++happened % most_events == 0) {
+        if (at - since < least_time)
+          return progress.outcome = Outcome::endless_events, progress.joint = first_violated(), false;
+        since = at;
+      }
+      if (!happen(tick, at, state, progress)) return false;
+    }
+    return true;
+  }
+
+  int first_violated() const { return watched_.watches[watched_.violated[0]].joint; }
+
+  void count() {
+    const std::int64_t events_so_far = counts.events;
+    counts = watched_.counts(), counts.events = events_so_far;
+  }
+
+  bool failed(Progress& progress) {
+    if (progress.joint >= 0 && progress.joint < part_.moving()) progress.joint = part_.joint_of(progress.joint);
+    return false;
+  }
+
+  // The state is where something was violated: puts it right, and decides how it goes on.
+  bool happen(std::int64_t tick, double offset, JointState& state, Progress& progress) {
+    for (int w : watched_.violated) {
+      const Watch& watch = watched_.watches[w];
+      const int j = watch.joint;
+      if (watch.kind == Watch::above_lower) state.position[j] = holding_.lower[j], state.position_remainder[j] = 0.0;
+      if (watch.kind == Watch::below_upper) state.position[j] = holding_.upper[j], state.position_remainder[j] = 0.0;
+      if (watch.kind == Watch::sliding) Holding::put_rate(state, j, 0.0);
+    }
+    return settle(tick, offset, state, true, progress);
+  }
+
+  // Impacts, then what stands, and the motion from there on. `known`: what stood before it was found out, too.
+  bool settle(std::int64_t tick, double offset, JointState& state, bool known, Progress& progress) {
+    std::vector<std::pair<int, double>> touched;
+    const bool good = holding_.collide(state, effort_.held.data(), touched, progress);
+    for (const auto& [joint, speed] : touched) note({tick, offset, EventKind::touched, joint, speed});
+    const std::vector<bool> stood = holding_.standing;
+    if (!good || !decide(state, progress)) return false;
+    for (int j = 0; j < joints_ && known; ++j) {
+      const bool on_stop = holding_.on_stop(j, state.position[j]), stands = holding_.standing[j];
+      if (stands && !stood[j] && !on_stop) note({tick, offset, EventKind::stuck, j, 0.0});
+      if (!stands && stood[j]) note({tick, offset, on_stop ? EventKind::left : EventKind::slipped, j, 0.0});
+    }
+    watched_.begin(standing_at_, lookout_);
+    return true;
+  }
+
+  // Which joints stand, and which way the others begin to slide. The box problem knows but for rounding; here its
+  // answer is held against the numbers that the watches will see. A joint that broke away does slide.
+  bool decide(JointState& state, Progress& progress) {
+    const std::vector<Watch> was = watched_.watches;
+    if (!holding_.decide(state, effort_.held.data(), progress)) return false;
+    enum Choice : char { open, slides, stands };
+    std::vector<Choice> choice(static_cast<std::size_t>(joints_), open);
+    std::fill(effort_.excess.begin(), effort_.excess.end(), 0.0);
+    const auto let_slide = [&](int j, double sign) {
+      holding_.standing[j] = false, holding_.sign[j] = sign, choice[j] = slides;
+    };
+    for (int w : watched_.violated)
+      if ((was[w].kind == Watch::held_up || was[w].kind == Watch::held_down) && state.velocity[was[w].joint] == 0.0)
+        let_slide(was[w].joint, was[w].kind == Watch::held_up ? -1.0 : 1.0);
+    standing_at_ = state;
+    for (bool changed = true; changed;) {
+      make_part();
+      if (holding_.still.empty()) return true;
+      part_.gather(state, watched_.moved);
+      if (!effort_.accelerate(watched_.moved, progress)) return failed(progress);
+      effort_.full = state;
+      effort_.find(watched_.moved);
+      effort_.find_rounding();
+      changed = false;
+      for (int j : holding_.still) {
+        if (holding_.standing[j]) {
+          const double excess = std::fmax(effort_.lambda[j] - holding_.most(j), holding_.least(j) - effort_.lambda[j]);
+          if (!(excess > 2.0 * effort_.rounding[j])) continue;
+          if (choice[j] == stands) effort_.excess[j] = 2.0 * excess;
+          else let_slide(j, effort_.lambda[j] > holding_.most(j) ? -1.0 : 1.0), changed = true;
+        } else {
+          const double along = holding_.sign[j] * effort_.acceleration[j];
+          if (along > (choice[j] == slides ? 0.0 : holding_.give[j] * holding_.rounding_of_size(j))) continue;
+          if (choice[j] == stands) continue;
+          holding_.standing[j] = true, holding_.sign[j] = 0.0, choice[j] = stands, changed = true;
+        }
+        if (changed) break;
+      }
+    }
+    return true;
+  }
+
+  // The moving part for what stands, which may be the one that there is.
+  void make_part() {
+    bool same = built_;
+    for (int j = 0; j < joints_ && same; ++j)
+      same = holding_.standing[j] == built_for_[j] &&
+             (!built_for_[j] || (built_at_.position[j] == standing_at_.position[j] &&
+                                 built_at_.position_remainder[j] == standing_at_.position_remainder[j]));
+    if (!same) {
+      watched_.drop();
+      part_.build(holding_.standing, standing_at_, method_.family == Family::taylor, dense_);
+      built_ = true, built_for_ = holding_.standing, built_at_ = standing_at_;
+      watched_.fit();
+    }
+    for (int k = 0; k < part_.moving(); ++k) {
+      const int j = part_.joint_of(k);
+      part_.effort[k] = effort_.held[j] - holding_.friction[j] * holding_.sign[j];
+    }
+  }
+
+  void note(const JointEvent& event) {
+    ++counts.events;
+    if (events.size() == most_kept) events.pop_front();
+    events.push_back(event);
+  }
+
+  const Chain& chain_;
+  const JointForces& forces_;
+  const MethodData method_;
+  const double step_;
+  const bool dense_;
+  const int joints_;
+  Holding holding_;
+  MovingPart part_;
+  HoldingEffort effort_;
+  WatchedMotion watched_;
+  bool under_way_ = false, changed_ = false;                  // the latter: forces other than the actuators'
+  JointState kept_, standing_at_;                             // of all joints; the last: when that was decided
+  bool built_ = false;
+  std::vector<bool> built_for_;                               // what stood where the moving part was made
+  JointState built_at_{0};
+  std::vector<double> saved_;                                 // what save() says before a tick
+};
+
+inline std::unique_ptr<Integrator> make_integrator(const MethodData& method, const Chain& chain, Form& form,
+                                                   const JointForces& forces, double step, bool dense) {
+  if (forces.have_events()) return std::make_unique<EventDriven>(chain, forces, method, step, dense);
+  return make_motion(method, chain, form, forces, step, dense);
+}
+
+}  // namespace planar_chain

@@ -1,0 +1,80 @@
+// The efforts that act at a state, in one place: actuators, joint laws, wrenches; and positions without whole turns, as
+// the forms take them. Every integrator, the events and the border to Python ask here.
+//
+//   tau = tau_actuator + laws(theta, theta') + wrenches(theta)      (equations.md 4, 6.5),   H theta'' + h = tau
+//
+// Laws see the whole angle, a spring knows its turns; trigonometry sees it without whole turns (whole_turns.hpp).
+#pragma once
+
+#include <vector>
+
+#include "../arithmetic/cache_lines.hpp"
+#include "../integrators/integrators.hpp"
+#include "../model/joint_forces.hpp"
+#include "../model/joint_state.hpp"
+#include "../model/whole_turns.hpp"
+#include "form.hpp"
+
+namespace planar_chain {
+
+template <class Real>
+class RightHandSideOf {
+ public:
+  RightHandSideOf(const ChainOf<Real>& chain, const JointForcesOf<Real>& forces)
+      : forces_(forces), turns_(chain), joints_(chain.joint_count), effort_(chain.joint_count), near_(0) {}
+
+  // Before the first evaluation at or near `base`.
+  PLANAR_CHAIN_INLINE void start(const Real* base) { far_ = turns_.find(base); }
+
+  // Whether any joint at `base` has many turns behind it: only then is `way` read below.
+  bool far() const { return far_; }
+
+  // All efforts at `position`, which is base + way, from which whole turns are left out.
+  PLANAR_CHAIN_INLINE Real* efforts(const Real* base, const Real* way, Real* position, const Real* velocity,
+                                    const Real* actuator) {
+    for (int i = 0; i < joints_; ++i) effort_[i] = actuator[i];
+    if (forces_.passive()) forces_.add_passive(position, velocity, effort_.data());
+    if (far_) turns_.leave_out(base, way, position);
+    if constexpr (lanes_in<Real> == 1) forces_.add_wrenches(position, nullptr, effort_.data());
+    return effort_.data();
+  }
+
+  // All efforts at a state that is known beyond double precision; near() is then that state without whole turns.
+  Real* efforts(const JointState& state, const Real* actuator) {
+    for (int i = 0; i < joints_; ++i) effort_[i] = actuator[i];
+    forces_.add_passive(state.position.data(), state.velocity.data(), effort_.data());
+    at_ = &state;
+    if (turns_.find(state.position.data())) {
+      near_ = state, at_ = &near_;
+      turns_.leave_out(near_.position, near_.position_remainder);
+    }
+    forces_.add_wrenches(at_->position.data(), at_->position_remainder.data(), effort_.data());
+    return effort_.data();
+  }
+  const JointState& near() const { return *at_; }
+
+  // Accelerations at position = base + way, as above; -1, or the joint whose pivot vanished.
+  PLANAR_CHAIN_INLINE int accelerate(FormOf<Real>& form, const Real* base, const Real* way, Real* position,
+                                     const Real* velocity, const Real* actuator, Real* acceleration) {
+    const Real* effort = efforts(base, way, position, velocity, actuator);
+    return form.forward(position, velocity, effort, acceleration);
+  }
+
+ private:
+  const JointForcesOf<Real>& forces_;
+  WholeTurns<Real> turns_;
+  const int joints_;
+  bool far_ = false;
+  AlignedVector<Real> effort_;
+  JointState near_;
+  const JointState* at_ = nullptr;
+};
+
+using RightHandSide = RightHandSideOf<double>;
+
+// What became of an evaluation at `position` that named `joint`.
+inline Outcome outcome_of(int joint, const double* position, int joints) {
+  return joint < 0 ? Outcome::good : singular_or_not_finite(position, joints);
+}
+
+}  // namespace planar_chain

@@ -1,0 +1,411 @@
+// Python's view of a simulation.
+#pragma once
+
+#include <atomic>
+#include <cmath>
+#include <complex>
+#include <cstdint>
+#include <cstring>
+#include <deque>
+#include <memory>
+#include <optional>
+#include <string>
+#include <tuple>
+#include <utility>
+#include <vector>
+
+#include "../events/events.hpp"
+#include "../integrators/integrators.hpp"
+#include "../integrators/methods.hpp"
+#include "../integrators/rollout.hpp"
+#include "model.hpp"
+#include "turn.hpp"
+
+// State, method and workspace of one simulation. Any thread may call at any time: while one computes without the
+// interpreter, the others wait. interrupt() alone waits for nobody.
+//
+// A method that returns a word has refused the argument of that name, and nothing is changed; None is success. Python
+// then converts the argument or says what is wrong with it.
+class Stepper {
+ public:
+  Stepper(const py::object& model, const pc::MethodData& method, double step, bool dense)
+      : scene_(std::make_unique<Scene>(model, method, checked(step, method), dense)),
+        state_(model.cast<const Model&>().chain().joint_count), effort_(state_.position.size()),
+        latched_(state_.position.size()), zero_(state_.position.size()), step_(step),
+        joints_(static_cast<py::ssize_t>(effort_.size())), adaptive_(method.adaptive), lookout_(stop_wanted_) {
+    scene_->integrator->look_out(&lookout_);
+  }
+  Stepper(const Stepper&) = delete;
+
+  // Goes on for an int >= 0 of ticks, under None or a finite array of (joints,) or (ticks, joints), into None or a
+  // tuple of arrays (ticks, joints) that take position, velocity and effort. (outcome, joint) where it stopped before
+  // or a coarse step is to be told. Throws what a signal handler has raised meanwhile, with everything at the last
+  // whole tick.
+  py::object advance(const py::handle& ticks_given, const py::handle& effort_given, const py::handle& record_given) {
+    turn_.await();
+    std::int64_t ticks;
+    if (!whole(ticks_given, ticks) || ticks > pc::most_ticks - tick_) return py::str("ticks");
+    pc::Efforts efforts{zero_.data(), 0};
+    if (!take_effort(effort_given, ticks, efforts)) return py::str("effort");
+    pc::Record record;
+    if (!take_record(record_given, ticks, record)) return py::str("record");
+    return go_on(ticks, std::nullopt, efforts, record);
+  }
+
+  // Goes on to a tick, and from there to `time`, a float behind it in s, if that is not None.
+  py::object advance_to(const py::handle& tick_given, const py::handle& time_given, const py::handle& effort_given) {
+    turn_.await();
+    std::int64_t tick;
+    std::optional<double> until;
+    if (!whole(tick_given, tick) || !behind(time_given, tick, until) || (until && !adaptive_)) return py::str("time");
+    if (tick < tick_ || (until ? *until < time() : tick == tick_ && between_)) return py::str("time");
+    pc::Efforts efforts{zero_.data(), 0};
+    if (!take_effort(effort_given, tick - tick_, efforts) || (until && efforts.stride != 0)) return py::str("effort");
+    return go_on(tick - tick_, until, efforts, {});
+  }
+
+  // Lets the call under way, or else the next one, end at the last whole tick.
+  void interrupt() { stop_wanted_.store(true, std::memory_order_relaxed); }
+
+  // Fails where this thread is in the middle of a call, waits where another one is.
+  void await() { turn_.await(); }
+
+  // Once, the first step that was seen to be far from right: (tick, error, rad or m, joint, whether of all steps up to
+  // it); else None.
+  py::object take_coarse_step() {
+    turn_.await();
+    const pc::CoarseStep& coarse = scene_->integrator->coarse;
+    if (told_ || coarse.joint < 0) return py::none();
+    told_ = true;
+    return py::make_tuple(coarse.tick, coarse.error, coarse.joint, coarse.summed);
+  }
+
+  // -1; or, with nothing changed, the joint whose position lies beyond a stop. ValueError: an array that is no good.
+  int put_state(const py::handle& position, const py::handle& velocity) {
+    const Numbers q("position", position, {joints()}), v("velocity", velocity, {joints()});
+    pc::JointState fresh(static_cast<int>(joints_));   // arrays may change while another call is waited for
+    std::copy_n(q.data(), joints_, fresh.position.begin());
+    std::copy_n(v.data(), joints_, fresh.velocity.begin());
+    turn_.await();
+    for (const auto& stop : scene_->forces.all<pc::StopOf>())
+      if (fresh.position[stop.joint] < stop.lower || fresh.position[stop.joint] > stop.upper) return stop.joint;
+    scene_->integrator->forget();
+    std::swap(state_, fresh);
+    return -1;
+  }
+
+  // Tick, s of the time between two ticks or None, and arrays: position, velocity, their remainders, effort, and what
+  // the integrator keeps, between the number of the format and a sum of the bits before.
+  py::tuple save() {
+    turn_.await();
+    std::vector<double> kept = {kept_format};
+    scene_->integrator->save(kept);
+    kept.push_back(sum_of_bits(kept.data(), kept.size()));
+    const std::int64_t tick = tick_;   // a tuple may set off the garbage collector, and that another thread
+    return py::make_tuple(tick, between_ ? py::object(py::float_(*between_)) : py::none(),
+                          py::make_tuple(make_array(state_.position), make_array(state_.velocity),
+                                         make_array(state_.position_remainder), make_array(state_.velocity_remainder),
+                                         make_array(effort_), make_array(kept)));
+  }
+
+  // Takes what save() gave; `anew`: of a stepper with another method, which starts here. The word is that of a part
+  // that cannot be.
+  py::object load(const py::handle& tick_given, const py::handle& between_given, const py::handle& parts, bool anew) {
+    turn_.await();
+    std::int64_t tick;
+    std::optional<double> between;
+    if (!whole(tick_given, tick)) return py::str("tick");
+    if (!behind(between_given, tick, between) || (between && !adaptive_)) return py::str("time");
+    if (!PyTuple_CheckExact(parts.ptr()) || PyTuple_GET_SIZE(parts.ptr()) != 6) return py::str("state");
+    pc::JointState state(static_cast<int>(effort_.size()));
+    std::vector<double> effort(effort_);
+    std::vector<double>* const into[] = {&state.position, &state.velocity, &state.position_remainder,
+                                         &state.velocity_remainder, &effort};
+    const char* const words[] = {"position", "velocity", "position remainder", "velocity remainder", "effort"};
+    for (py::ssize_t i = 0; i < 5; ++i) {
+      const py::handle part(PyTuple_GET_ITEM(parts.ptr(), i));
+      if (!is_joint_array(part)) return py::str(words[i]);
+      std::copy_n(py::reinterpret_borrow<Array>(part).data(), effort_.size(), into[i]->begin());
+    }
+    // What is left of a rounded sum is too small to change it.
+    for (std::size_t i = 0; i < effort_.size(); ++i) {
+      if (state.position[i] + state.position_remainder[i] != state.position[i]) return py::str(words[2]);
+      if (state.velocity[i] + state.velocity_remainder[i] != state.velocity[i]) return py::str(words[3]);
+    }
+    if (anew) {
+      scene_->integrator->forget();
+    } else if (!load_steps(py::handle(PyTuple_GET_ITEM(parts.ptr(), 5)), tick, between, state)) {
+      return py::str("steps");
+    }
+    state_ = state, effort_ = effort, tick_ = tick, between_ = between;
+    return py::none();
+  }
+
+  // In place of those that act: (slot of the link, whether the force turns with it, point, force, each as a complex
+  // number of the link's axes or the plane's, moment).
+  // `given`: tuples (slot, whether the force turns with the link, point, force, moment).
+  void set_wrenches(const py::list& given) {
+    turn_.await();
+    std::vector<pc::Wrench> wrenches;
+    wrenches.reserve(given.size());
+    for (const py::handle each : given) wrenches.push_back(wrench_of(each.ptr()));
+    scene_->forces.wrenches = std::move(wrenches);
+    scene_->integrator->forces_changed();
+  }
+
+  // Joint efforts that do the work of the wrenches in this state.
+  Array wrench_effort() {
+    turn_.await();
+    std::vector<double> effort(effort_.size());
+    scene_->forces.add_wrenches(state_.position.data(), state_.position_remainder.data(), effort.data());
+    return make_array(effort);
+  }
+
+  // Goes on with the chain, the wrenches and the method of `fresh`, which nobody else has seen; its chain has the same
+  // joints. `with_state`: with its time and state too. Returns counts and events up to here.
+  py::tuple adopt(Stepper& fresh, bool with_state) {
+    turn_.await();
+    if (fresh.turn_.busy()) throw py::value_error("the kernel got a stepper that is at work");
+    if (&fresh == this || fresh.effort_.size() != effort_.size())
+      throw py::value_error("the kernel got a chain with other joints");
+    const pc::Counts counted = scene_->integrator->counts;
+    const std::deque<pc::JointEvent> events = take();
+    std::swap(scene_, fresh.scene_);
+    scene_->integrator->look_out(&lookout_), fresh.scene_->integrator->look_out(&fresh.lookout_);
+    step_ = fresh.step_, adaptive_ = fresh.adaptive_;
+    if (with_state) {
+      state_ = fresh.state_, effort_ = fresh.effort_, tick_ = fresh.tick_, between_ = fresh.between_;
+    } else {
+      const auto* former = dynamic_cast<const pc::EventDriven*>(fresh.scene_->integrator.get());
+      auto* driven = dynamic_cast<pc::EventDriven*>(scene_->integrator.get());
+      if (driven != nullptr && former != nullptr) driven->adopt(*former);
+    }
+    return py::make_tuple(tuple_of(counted), list_of(events));
+  }
+
+  std::int64_t tick() { return turn_.await(), tick_; }
+  double now() { return turn_.await(), time(); }
+  Array position() { return turn_.await(), make_array(state_.position); }
+  Array velocity() { return turn_.await(), make_array(state_.velocity); }
+  Array effort() { return turn_.await(), make_array(effort_); }
+  bool told() const { return told_; }
+  void set_told(bool told) { told_ = told; }
+  py::tuple counts() {
+    turn_.await();
+    return tuple_of(scene_->integrator->counts);
+  }
+
+  // Accelerations under the efforts that acted last, with what stands standing; -1, or the joint whose pivot vanished.
+  py::tuple acceleration() {
+    turn_.await();
+    Array out(static_cast<py::ssize_t>(effort_.size()));
+    int joint;
+    if (auto* driven = dynamic_cast<pc::EventDriven*>(scene_->integrator.get())) {
+      joint = driven->accelerate(state_, effort_.data(), out.mutable_data());
+    } else {
+      std::vector<double> position = state_.position;
+      pc::RightHandSide& right_hand_side = scene_->right_hand_side;
+      right_hand_side.start(position.data());
+      joint = right_hand_side.accelerate(*scene_->form, state_.position.data(), state_.position_remainder.data(),
+                                         position.data(), state_.velocity.data(), effort_.data(), out.mutable_data());
+    }
+    return py::make_tuple(out, joint);
+  }
+
+  // (tick, s behind it, kind, joint, speed) of each event since the last call, the newest few thousand.
+  py::list take_events() {
+    turn_.await();
+    return list_of(take());
+  }
+
+ private:
+  // By hand, of these very types: pybind11's conversion takes longer than all that is done with it.
+  pc::Wrench wrench_of(PyObject* given) const {
+    const auto item = [&](Py_ssize_t k) { return PyTuple_GET_ITEM(given, k); };
+    if (!PyTuple_CheckExact(given) || PyTuple_GET_SIZE(given) != 5 || !PyLong_CheckExact(item(0)) ||
+        !PyBool_Check(item(1)) || !PyComplex_CheckExact(item(2)) || !PyComplex_CheckExact(item(3)) ||
+        !PyFloat_CheckExact(item(4)))
+      throw py::type_error("the kernel got a wrench that is no tuple of slot, turns, point, force and moment");
+    int overflow;
+    const long link = PyLong_AsLongAndOverflow(item(0), &overflow);
+    if (overflow != 0 || link < 1 || link > scene_->chain().link_count())
+      throw py::value_error("the kernel got a wrench on a link that is not there");
+    const Py_complex point = PyComplex_AsCComplex(item(2)), force = PyComplex_AsCComplex(item(3));
+    const double moment = PyFloat_AS_DOUBLE(item(4));
+    for (const double number : {point.real, point.imag, force.real, force.imag, moment})
+      if (!std::isfinite(number)) throw py::value_error("the kernel got a wrench that is not finite");
+    return {static_cast<int>(link), item(1) == Py_True, point.real, point.imag, force.real, force.imag, moment};
+  }
+
+  // Below this, some microseconds, letting the interpreter go and taking it back would cost more than it gives.
+  static constexpr std::int64_t few_joint_ticks = 32;
+  static constexpr double kept_format = 2.0;
+
+  // What a changed chain replaces; the parts point at each other.
+  struct Scene {
+    py::object model;
+    pc::JointForces forces;  // the model's, and wrenches
+    pc::RightHandSide right_hand_side;
+    std::unique_ptr<pc::Form> form;
+    std::unique_ptr<pc::Integrator> integrator;
+
+    Scene(const py::object& made, const pc::MethodData& method, double step, bool dense)
+        : model(made), forces(made.cast<const Model&>().forces),
+          right_hand_side(chain(), forces), form(pc::make_form<double>(chain(), dense)) {
+      forces.chain = &chain();
+      integrator = pc::make_integrator(method, chain(), *form, forces, step, dense);
+    }
+    const pc::Chain& chain() const { return model.cast<const Model&>().chain(); }
+  };
+
+  static py::tuple tuple_of(const pc::Counts& counts) {
+    return py::make_tuple(counts.evaluations, counts.steps, counts.rejected_steps, counts.events);
+  }
+
+  // The events, out of reach of another thread: what Python makes of them may set off the garbage collector, and that
+  // one.
+  std::deque<pc::JointEvent> take() {
+    std::deque<pc::JointEvent> events;
+    if (auto* driven = dynamic_cast<pc::EventDriven*>(scene_->integrator.get())) std::swap(events, driven->events);
+    return events;
+  }
+  static py::list list_of(const std::deque<pc::JointEvent>& events) {
+    py::list list;
+    for (const pc::JointEvent& event : events)
+      list.append(py::make_tuple(event.tick, event.offset, static_cast<int>(event.kind), event.joint, event.speed));
+    return list;
+  }
+
+  static double checked(double step, const pc::MethodData& method) {
+    if (const char* word = pc::misfit(method))
+      throw py::value_error(std::string("the kernel got a method with a bad ") + word);
+    if (!std::isfinite(step) || !(step > 0.0)) throw py::value_error("the kernel got a bad step");
+    return step;
+  }
+
+  static bool whole(const py::handle& given, std::int64_t& number) {
+    if (!PyLong_CheckExact(given.ptr())) return false;
+    int overflow = 0;
+    number = PyLong_AsLongLongAndOverflow(given.ptr(), &overflow);
+    return overflow == 0 && number >= 0 && number <= pc::most_ticks;
+  }
+
+  // None, or a float between a tick and the next.
+  bool behind(const py::handle& given, std::int64_t tick, std::optional<double>& time) const {
+    if (given.is_none()) return true;
+    if (!PyFloat_CheckExact(given.ptr())) return false;
+    time = PyFloat_AS_DOUBLE(given.ptr());
+    return std::isfinite(*time) && *time >= static_cast<double>(tick) * step_ &&
+           *time <= static_cast<double>(tick + 1) * step_;
+  }
+
+  static bool finite(const Array& array) {
+    const double* numbers = array.data();
+    for (py::ssize_t i = 0; i < array.size(); ++i)
+      if (!std::isfinite(numbers[i])) return false;
+    return true;
+  }
+
+  bool is_joint_array(const py::handle& given) const {
+    if (!py::isinstance<Array>(given)) return false;
+    const Array array = py::reinterpret_borrow<Array>(given);
+    return array.ndim() == 1 && array.size() == joints() && aligned(array) && finite(array);
+  }
+
+  bool take_effort(const py::handle& given, std::int64_t ticks, pc::Efforts& efforts) const {
+    if (given.is_none()) return true;
+    if (!py::isinstance<Array>(given)) return false;
+    const Array effort = py::reinterpret_borrow<Array>(given);
+    const bool rows = effort.ndim() == 2;
+    if (effort.ndim() == 0 || effort.ndim() > 2 || effort.shape(effort.ndim() - 1) != joints()) return false;
+    if ((rows && effort.shape(0) != ticks) || !aligned(effort) || !finite(effort)) return false;
+    efforts = {effort.data(), rows ? effort_.size() : 0};
+    return true;
+  }
+
+  bool take_record(const py::handle& given, std::int64_t ticks, pc::Record& record) const {
+    if (given.is_none()) return true;
+    if (!PyTuple_CheckExact(given.ptr()) || PyTuple_GET_SIZE(given.ptr()) != 3) return false;
+    double** const fields[] = {&record.position, &record.velocity, &record.effort};
+    for (py::ssize_t i = 0; i < 3; ++i) {
+      const py::handle part(PyTuple_GET_ITEM(given.ptr(), i));
+      if (!py::isinstance<Array>(part)) return false;
+      Array rows = py::reinterpret_borrow<Array>(part);
+      if (rows.ndim() != 2 || rows.shape(0) != ticks || rows.shape(1) != joints() || !rows.writeable() || !aligned(rows))
+        return false;
+      *fields[i] = rows.mutable_data();
+    }
+    return true;
+  }
+
+  py::object go_on(std::int64_t ticks, const std::optional<double>& until, const pc::Efforts& efforts,
+                   const pc::Record& record) {
+    pc::Integrator& integrator = *scene_->integrator;
+    pc::Progress progress;
+    LongCall call(&turn_);
+    lookout_.begin([&call] { return call.ask(); });
+    if (until || ticks >= few_joint_ticks || ticks * joints() >= few_joint_ticks) call.let_go();
+    if (ticks > 0)
+      progress = pc::roll(integrator, scene_->forces, state_, step_, time(), tick_, ticks, efforts, record, effort_, latched_);
+    const bool there = progress.outcome == pc::Outcome::good;
+    if (progress.ticks > 0) tick_ += progress.ticks, between_.reset();
+    if (there && until) {
+      std::copy_n(efforts.data, effort_.size(), latched_.begin());
+      scene_->forces.clamp(latched_.data());
+      integrator.reach(time(), tick_, *until, state_, latched_.data(), progress);
+      if (progress.outcome == pc::Outcome::good) effort_ = latched_, between_ = until;
+    }
+    call.take_back();
+    if (progress.outcome == pc::Outcome::interrupted) {
+      call.raise();
+      stop_wanted_.store(false, std::memory_order_relaxed);
+    }
+    if (progress.outcome == pc::Outcome::good && (told_ || integrator.coarse.joint < 0)) return py::none();
+    return py::make_tuple(static_cast<int>(progress.outcome), progress.joint);
+  }
+
+  bool load_steps(const py::handle& given, std::int64_t tick, const std::optional<double>& between,
+                  const pc::JointState& state) {
+    if (!py::isinstance<Array>(given)) return false;
+    const Array kept = py::reinterpret_borrow<Array>(given);
+    const py::ssize_t count = kept.size() - 1;
+    if (kept.ndim() != 1 || count < 1 || !aligned(kept) || kept.data()[0] != kept_format ||
+        kept.data()[count] != sum_of_bits(kept.data(), static_cast<std::size_t>(count)))
+      return false;
+    std::vector<double> before;
+    pc::Integrator& integrator = *scene_->integrator;
+    integrator.save(before);
+    pc::KeptNumbers numbers(kept.data() + 1, kept.data() + count);
+    if (integrator.load(numbers, tick, between ? *between : static_cast<double>(tick) * step_, &state)) return true;
+    pc::KeptNumbers former(before.data(), before.data() + before.size());
+    if (!integrator.load(former, tick_, time(), &state_)) integrator.forget();
+    return false;
+  }
+
+  // A whole number below 2^52 (FNV-1a, by 64 bits).
+  static double sum_of_bits(const double* numbers, std::size_t count) {
+    std::uint64_t sum = 0xcbf29ce484222325u;
+    for (std::size_t i = 0; i < count; ++i) {
+      std::uint64_t bits;
+      std::memcpy(&bits, numbers + i, sizeof bits);
+      sum = (sum ^ bits) * 0x100000001b3u;
+      sum ^= sum >> 29;
+    }
+    return static_cast<double>(sum >> 12);
+  }
+
+  py::ssize_t joints() const { return joints_; }
+  double time() const { return between_ ? *between_ : static_cast<double>(tick_) * step_; }
+
+  std::unique_ptr<Scene> scene_;
+  pc::JointState state_;
+  std::int64_t tick_ = 0;
+  std::optional<double> between_;  // s, the time where that is behind the tick
+  std::vector<double> effort_, latched_, zero_;
+  double step_;
+  const py::ssize_t joints_;       // for who does not wait, too
+  bool adaptive_, told_ = false;   // the last: of a coarse step
+  std::atomic<bool> stop_wanted_{false};
+  pc::Lookout lookout_;
+  Turn turn_;
+};
