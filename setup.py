@@ -98,6 +98,6 @@ setup(
         f'resimulate = {NAME}.recording.resimulation:main',
         f'benchmark = {NAME}.benchmark.command_line:main',
         f'equations = {NAME}.symbolic.command_line:main',
-        f'urdf = {NAME}.urdf_writer:main',
+        f'urdf = {NAME}.urdf_file:main',
     ]},
 )

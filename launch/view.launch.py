@@ -31,7 +31,7 @@ def installed(package):
 
 def description_of(chain):
     """Return the URDF of a chain file; a URDF is returned unchanged."""
-    from planar_chain_sim.chain_yaml import find_chain_file, load_chain
+    from planar_chain_sim.chain_file import find_chain_file, load_chain
     from planar_chain_sim.urdf_writer import urdf_of
     if chain.endswith('.urdf'):
         return find_chain_file(chain).read_text()

@@ -1,7 +1,7 @@
 """
 planar_chain_sim: planar chains and trees of rigid bodies by Arczewski's path-matrix equations of motion.
 
-The map: data in `chain`, its numbers by name in `chain_parameters`, files of it in `chain_yaml`, what is refused in
+The map: data in `chain`, its numbers by name in `chain_parameters`, files of it in `chain_file`, what is refused in
 `chain_section` and `chain_checks`; topology S, P, M, with (5.60), in `path_matrix`; (5.87) and (5.88) in
 `equations_of_motion`; laws of joint effort in `joint_forces`; energy, (5.65) and (5.72), in `invariants`; the O(n)
 recursion in `kernel/forms/recursive.hpp`, prepared by `plan` and called by `dynamics`; poses, momentum and reaction
@@ -19,18 +19,19 @@ __version__ = '0.2.0'
 
 _HOME = {
     'BatchRun': 'batch', 'rollout_batch': 'batch',
-    'BodyPoses': 'body_poses', 'body_poses': 'body_poses', 'body_velocities': 'body_poses',
-    'center_of_mass': 'body_poses', 'jacobian': 'body_poses', 'momentum': 'body_poses',
-    'reaction_forces': 'body_poses',
-    'BASE': 'chain', 'Body': 'chain', 'Chain': 'chain', 'ChainError': 'chain', 'Joint': 'chain',
-    'chain_from_dict': 'chain_yaml', 'load_chain': 'chain_yaml',
+    'BodyPoses': 'mechanics.body_poses', 'body_poses': 'mechanics.body_poses',
+    'body_velocities': 'mechanics.body_poses', 'center_of_mass': 'mechanics.body_poses',
+    'jacobian': 'mechanics.body_poses', 'momentum': 'mechanics.body_poses', 'reaction_forces': 'mechanics.body_poses',
+    'BASE': 'tree', 'Body': 'tree', 'Chain': 'chain', 'Joint': 'tree',
+    'chain_from_dict': 'chain_file', 'load_chain': 'chain_file',
     'energy': 'dynamics', 'forward_dynamics': 'dynamics', 'inverse_dynamics': 'dynamics', 'mass_matrix': 'dynamics',
     'equations': 'symbolic.equations',
     'METHODS': 'integrators',
     'linearize': 'linearization',
     'Checkpoint': 'simulation', 'Simulation': 'simulation',
-    'Interrupted': 'dynamics', 'SimulationError': 'dynamics',
-    'Run': 'simulation', 'rollout': 'simulation',
+    'Interrupted': 'simulation',
+    'ChainError': 'errors', 'SimulationError': 'errors',
+    'Run': 'motion.rollout', 'rollout': 'motion.rollout',
 }
 __all__ = ['__version__', *_HOME]
 

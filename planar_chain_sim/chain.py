@@ -1,104 +1,27 @@
 """
-Chain: the physical data of a planar tree of rigid bodies, in SI units, frozen.
+Chain: the physical data of a planar tree of rigid bodies, in SI units, frozen, with the text that describes it.
 
 A chain from a file or from data was checked when it was read. One that was made by hand, for example by
 dataclasses.replace, is checked at its first use, by `plan.plan_of`. Both have a text from which they can be loaded.
-
-Symbols are those of the path-matrix method (Arczewski, sections 5.4.5-5.4.9): a body i turns about its joint point P_i,
-which may slide on its carrier i-. Plane vectors are complex numbers x + j y.
 """
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
-from math import inf, isfinite
 from types import MappingProxyType
-from typing import Mapping, Optional
+from typing import Callable, Optional
 
-BASE = -1  # carrier index of a body that the base carries
-POINT_MASS = 1e-9     # relative: an inertia that falls short of m c^2 by less is rounding, the body is a point mass
-ROUNDING = 1e-15      # relative: the same for an inertia above m c^2, where only the last bits can be doubted
+from .chain_checks import data_of, read_tree
+from .chain_parameters import changed_data, parameters_of
+from .chain_section import clipped, plain
+from .errors import ChainError
+from .tree import steiner_term, Tree
+from .yaml_text import data_from_text, MAX_BYTES, text_of
 
-
-class ChainError(ValueError):
-    """A chain that cannot be: one sentence that says what is wrong, where, what was got and what was wanted."""
-
-
-class RobotFileNote(UserWarning):
-    """One line about a robot file that was read: joints, plane, gravity, and what is not used."""
-
-
-@dataclass(frozen=True)
-class Joint:
-    """One joint of a body and the laws that act on its relative coordinate (rad or m, N m or N)."""
-
-    name: str
-    kind: str                   # 'slide' or 'rotation'
-    axis: float                 # slide: direction in the carrier's frame, rad; rotation: +1.0 or -1.0
-    damping: float = 0.0        # N m s/rad or N s/m
-    stiffness: float = 0.0      # N m/rad or N/m
-    rest: float = 0.0           # coordinate at which the spring is slack
-    friction: float = 0.0       # Coulomb, N m or N
-    preload: float = 0.0        # effort that always acts, N m or N
-    armature: float = 0.0       # reflected inertia on the relative rate, kg m^2 or kg
-    effort_limit: float = inf   # N m or N
-    lower: float = -inf         # stops, rad or m
-    upper: float = inf
-    restitution: float = 0.0    # of the stops: speed after an impact per speed before
-    position: float = 0.0       # initial state
-    velocity: float = 0.0
-
-
-@dataclass(frozen=True)
-class Body:
-    """
-    One rigid body: mass data in its own frame, joint point and offsets in its carrier's frame.
-
-    The two inertias must satisfy J = J_C + m c^2; if they differ by rounding, `inertia` counts.
-    """
-
-    name: str
-    carrier: int                # index of an earlier body, or BASE
-    origin: complex             # m, r e^(j gamma): the joint point at zero slide, carrier's frame
-    angle: float                # rad, body frame against carrier frame where the rotation reads 0
-    mass: float                 # kg
-    center_of_mass: complex     # m, c e^(j eta), own frame
-    inertia: float              # kg m^2 about the joint point, J
-    inertia_com: float          # kg m^2 about the mass centre, J_C = J - m c^2
-    slide: Optional[Joint] = None
-    rotation: Optional[Joint] = None
-    visual: Mapping = field(default_factory=dict, hash=False)  # for pictures only
-    given: str = field(default='inertia_com', compare=False, repr=False)  # the inertia that its text gives
-
-    def __post_init__(self):
-        try:
-            settled = settled_inertia(self.mass, self.center_of_mass, self.inertia, self.inertia_com)
-        except (TypeError, AttributeError, OverflowError):
-            return   # not numbers: refused when the body is used
-        if settled is not None:
-            for name, value in zip(('inertia', 'inertia_com'), settled):
-                object.__setattr__(self, name, value)
-
-
-def steiner_term(mass: float, center: complex) -> float:
-    """Return m c^2, kg m^2: what the inertia about the joint point has more than that about the mass centre."""
-    return mass * (center.real * center.real + center.imag * center.imag)
-
-
-def inertia_about_center(inertia: float, steiner: float) -> tuple[float, float]:
-    """Return J and J_C for J and m c^2; within rounding of it the body is a point mass."""
-    inertia_com = inertia - steiner
-    return (steiner, 0.0) if inertia_com <= ROUNDING * steiner else (inertia, inertia_com)
-
-
-def settled_inertia(mass, center, inertia, inertia_com) -> Optional[tuple[float, float]]:
-    """Return J and J_C that a text can say, for two that differ by rounding; None where they do not, or by more."""
-    steiner = steiner_term(mass, center)
-    from_inertia = inertia_about_center(inertia, steiner)
-    if (inertia, inertia_com) in (from_inertia, (inertia_com + steiner, max(inertia_com, 0.0))):
-        return None
-    off = abs(inertia - steiner - inertia_com)
-    return from_inertia if isfinite(off) and off <= POINT_MASS * max(abs(inertia), steiner) else None
+# Checks of a whole chain beside those of its data: check(chain, sections), ChainError. Mechanics adds its own, so that
+# what no equations can be solved for is refused as soon as it is made.
+FURTHER_CHECKS: list[Callable] = []
+PASSED = ('_checked', '_solvable')   # what a chain notes of the checks that it passed: of its data, of mechanics
 
 
 class _Text:
@@ -113,7 +36,6 @@ class _Text:
             return self
         kept = chain.__dict__
         if '_text' not in kept:
-            from .chain_yaml import own_text
             kept['_text'] = own_text(chain, kept.get('_given', ''))
         return kept['_text']
 
@@ -122,7 +44,7 @@ class _Text:
 
 
 @dataclass(frozen=True)
-class Chain:
+class Chain(Tree):
     """
     A tree of bodies in regular labelling (a carrier comes before the bodies it carries).
 
@@ -130,39 +52,7 @@ class Chain:
     those of the numbers and names; `visual` is compared too.
     """
 
-    name: str
-    gravity: complex            # m/s^2, x + j y
-    bodies: tuple[Body, ...]
     source: str = field(default=_Text(), compare=False, repr=False)
-
-    def __post_init__(self):
-        if isinstance(self.bodies, list):   # which has no hash and is equal to no tuple
-            self.__dict__['bodies'] = tuple(self.bodies)
-
-    @cached_property
-    def joints(self) -> tuple[Joint, ...]:
-        """All joints in file order: for each body its slide, then its rotation."""
-        return tuple(joint for body in self.bodies for joint in (body.slide, body.rotation) if joint is not None)
-
-    @cached_property
-    def joint_names(self) -> tuple[str, ...]:
-        """Joint names in file order, the order of every array and message."""
-        return tuple(joint.name for joint in self.joints)
-
-    @cached_property
-    def body_index(self) -> Mapping[str, int]:
-        """Index of each body by its name; of several with one name the first."""
-        return {body.name: index for index, body in reversed(tuple(enumerate(self.bodies)))}
-
-    def body_of(self, joint: str) -> str:
-        """Name of the body that the joint of this name moves."""
-        return next(body.name for body in self.bodies for each in (body.slide, body.rotation)
-                    if each is not None and each.name == joint)
-
-    @property
-    def joint_count(self) -> int:
-        """Number of joints, the length of every joint array."""
-        return len(self.joints)
 
     @property
     def parameters(self) -> Mapping[str, float]:
@@ -171,7 +61,6 @@ class Chain:
 
         Read-only. A name that a body and a joint have gets `body:` or `joint:` in front.
         """
-        from .chain_parameters import parameters_of
         return MappingProxyType(parameters_of(self))
 
     def with_parameters(self, values: Mapping[str, float]) -> Chain:
@@ -181,17 +70,70 @@ class Chain:
         Where a mass or a mass centre changes, the inertia stays that the chain file gives, `inertia` or `inertia_com`,
         unless one of them is given here. ChainError: an unknown name, a value that cannot be.
         """
-        from .chain_parameters import with_parameters
-        return with_parameters(self, values)
+        return build_chain(changed_data(self, values), '')
 
     def __getstate__(self):
         # What is kept besides is made again.
         return {key: value for key, value in self.__dict__.items()
-                if key in ('name', 'gravity', 'bodies', '_given', '_text', '_checked')}
+                if key in ('name', 'gravity', 'bodies', '_given', '_text', *PASSED)}
 
 
 def altered(chain: Chain, **changes) -> Chain:
     """Return a chain with changes after which it need not be checked again."""
     fresh = replace(chain, source='', **changes)
-    fresh.__dict__.update({key: True for key in ('_checked',) if key in chain.__dict__})
+    fresh.__dict__.update({key: True for key in PASSED if key in chain.__dict__})
     return fresh
+
+
+def build_chain(data, file: str, source: Optional[str] = None) -> Chain:
+    """
+    Return the chain that plain data describes, checked; ChainError otherwise.
+
+    `file` names the text in sentences ('' for data that is no text), `source` becomes `Chain.source`; without it that
+    is written when it is asked for.
+    """
+    tree, sections = read_tree(data, file)
+    chain = Chain(tree.name, tree.gravity, tree.bodies)
+    chain.__dict__.update({'_checked': True} if source is None else {'_checked': True, '_text': source})
+    for check in FURTHER_CHECKS:
+        check(chain, sections)
+    return chain
+
+
+def check_chain(chain: Chain) -> None:
+    """Check a chain that was made by hand, once; ChainError, in the words of the data it would be."""
+    rebuilt = build_chain(data_of(chain), '')
+    for body, again in zip(chain.bodies, rebuilt.bodies):
+        if body != again:
+            steiner = steiner_term(body.mass, body.center_of_mass)
+            raise ChainError(
+                f"body '{clipped(body.name)}' has the inertia {body.inertia!r:.40} about its joint point and "
+                f'{body.inertia_com!r:.40} about its mass centre, must have two that differ by mass * '
+                f'|center_of_mass|^2 = {steiner!r}; Chain.with_parameters keeps them consistent')
+    chain.__dict__.update({key: True for key in PASSED if key in rebuilt.__dict__})
+
+
+def chain_from_dict(data: Mapping) -> Chain:
+    """
+    Return the chain of plain data with the keys of a chain file; numpy numbers and arrays and tuples are taken too.
+
+    `Chain.source` is a YAML text that loads back to the same bits. ChainError names the place by its path in the data.
+    """
+    data = plain(data)
+    if not isinstance(data, dict):
+        raise ChainError(f"the chain is of type {type(data).__name__}, must be a mapping with the key 'bodies'")
+    source = text_of(data)
+    if len(source) > MAX_BYTES:
+        raise ChainError(f'the text of the chain is longer than {MAX_BYTES // 2**20} MiB, must be shorter')
+    return build_chain(data, '', source)
+
+
+def own_text(chain: Chain, given: str) -> str:
+    """Return `given` where it is a text of this chain, number by number, else one that is; ChainError as data_of."""
+    if given:
+        try:
+            if repr(build_chain(data_from_text(given, '<text>'), '<text>')) == repr(chain):
+                return given
+        except (ChainError, TypeError):   # TypeError: no text
+            pass
+    return text_of(data_of(chain))

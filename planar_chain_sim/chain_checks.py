@@ -1,7 +1,7 @@
 """
-The keys of a chain file, what each must be, and which bodies are possible: plain data -> Chain.
+The keys of a chain file, what each must be, and which bodies are possible: plain data -> Tree.
 
-Mappings, lists, texts and numbers come in, as `chain_yaml` reads them or a program makes them; a frozen Chain comes
+Mappings, lists, texts and numbers come in, as `yaml_text` reads them or a program makes them; a frozen Tree comes
 out, or one ChainError sentence.
 """
 from __future__ import annotations
@@ -9,9 +9,10 @@ from __future__ import annotations
 from math import inf, isfinite
 from typing import Optional
 
-from .chain import BASE, Body, Chain, ChainError, inertia_about_center, Joint, POINT_MASS, steiner_term
 from .chain_section import clipped, MISSING, plain, Section, shown, suggestion
+from .errors import ChainError
 from .hold import read_hold, weld
+from .tree import BASE, Body, inertia_about_center, Joint, POINT_MASS, steiner_term, Tree
 from .visual import read_visual
 
 CHAIN_KEYS = ('name', 'gravity', 'bodies', 'hold')
@@ -35,20 +36,11 @@ JOINT_KEYS = ('joint', 'axis', *JOINT_NUMBERS)
 GRAVITY = complex(0.0, -9.81)
 
 
-class SingularError(ChainError):
-    """A chain whose mass matrix is singular in every configuration: the `joint` to blame, and `why`."""
-
-    def __init__(self, sentence: str, joint: str = '', why: str = ''):
-        super().__init__(sentence)
-        self.joint, self.why = joint, why
-
-
-def build_chain(data, file: str, source: Optional[str] = None) -> Chain:
+def read_tree(data, file: str) -> tuple[Tree, list[Section]]:
     """
-    Return the chain that plain data describes, checked; ChainError otherwise.
+    Return the bodies that plain data describes, checked, and the section of each; ChainError otherwise.
 
-    `file` names the text in sentences ('' for data that is no text), `source` becomes `Chain.source`; without it that
-    is written when it is asked for.
+    `file` names the text in sentences ('' for data that is no text).
     """
     top = Section(data, file)
     top.refuse_unknown_keys(CHAIN_KEYS)
@@ -77,10 +69,7 @@ def build_chain(data, file: str, source: Optional[str] = None) -> Chain:
             bodies = weld(bodies, read_hold(data['hold']))
         except ChainError as error:
             raise ChainError(f'{file}: {error}' if file else str(error)) from None
-    chain = Chain(name, gravity, tuple(bodies))
-    chain.__dict__.update({'_checked': True} if source is None else {'_checked': True, '_text': source})
-    refuse_singular(chain, sections)
-    return chain
+    return Tree(name, gravity, tuple(bodies)), sections
 
 
 def read_body(section, entries, indices, owners) -> Body:
@@ -172,49 +161,8 @@ def read_joint(body, kind, body_name, owners) -> Optional[Joint]:
     return joint
 
 
-def refuse_singular(chain, sections):
-    """Raise for a joint that no configuration gives any inertia of its own (equations.md 7)."""
-    from .plan import singular_joint   # the kernel is not needed to read a file's keys
-    name = singular_joint(chain)
-    if name is None:
-        return
-    index = next(i for i, body in enumerate(chain.bodies) if name in [j.name for j in (body.slide, body.rotation) if j])
-    kind = 'slide' if chain.bodies[index].slide and chain.bodies[index].slide.name == name else 'rotation'
-    why = lack_of_inertia(chain.bodies, index, kind)
-    try:
-        sections[index].fail(kind, f"has the joint '{clipped(name)}', which makes the mass matrix singular in every "
-                             f"configuration because {why}, must have mass, inertia or 'armature' to move")
-    except ChainError as error:
-        raise SingularError(str(error), name, why) from None
-
-
-def lack_of_inertia(bodies, index, kind) -> str:
-    """Say why a joint has no inertia of its own."""
-    outboard = {index}
-    for i in range(index + 1, len(bodies)):
-        if bodies[i].carrier in outboard:
-            outboard.add(i)
-    if not any(bodies[i].mass for i in outboard):
-        if kind == 'slide' or not any(bodies[i].inertia_com for i in outboard):
-            return 'nothing on this body or outboard of it has mass'
-    return 'it moves no mass, beyond rounding, that the other joints do not move in the same way'
-
-
-def check_chain(chain: Chain) -> None:
-    """Check a chain that was made by hand, once; ChainError, in the words of the data it would be."""
-    rebuilt = build_chain(data_of(chain), '')
-    for body, again in zip(chain.bodies, rebuilt.bodies):
-        if body != again:
-            steiner = steiner_term(body.mass, body.center_of_mass)
-            raise ChainError(
-                f"body '{clipped(body.name)}' has the inertia {body.inertia!r:.40} about its joint point and "
-                f'{body.inertia_com!r:.40} about its mass centre, must have two that differ by mass * '
-                f'|center_of_mass|^2 = {steiner!r}; Chain.with_parameters keeps them consistent')
-    chain.__dict__['_checked'] = True
-
-
-def data_of(chain: Chain) -> dict:
-    """Return the plain data of a chain, from which build_chain makes the same; ChainError: no data can say it."""
+def data_of(chain: Tree) -> dict:
+    """Return the plain data of a chain, from which read_tree makes the same; ChainError: no data can say it."""
     if not isinstance(chain.bodies, (tuple, list)) or not all(isinstance(body, Body) for body in chain.bodies):
         raise ChainError(f'bodies is of type {type(chain.bodies).__name__}, must be a tuple of Body')
     bodies = []

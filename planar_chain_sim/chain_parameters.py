@@ -5,9 +5,10 @@ from collections.abc import Mapping
 from math import isinf
 from numbers import Integral
 
-from .chain import Chain, ChainError, POINT_MASS, steiner_term
-from .chain_checks import build_chain, data_of
+from .chain_checks import data_of
 from .chain_section import as_number, clipped, plain, shown, suggestion
+from .errors import ChainError
+from .tree import POINT_MASS, steiner_term, Tree
 
 AXES = {'x': 0, 'y': 1}
 OF_BODIES = ('mass', 'center_of_mass.x', 'center_of_mass.y', 'inertia', 'inertia_com', 'origin.x', 'origin.y', 'angle')
@@ -15,7 +16,7 @@ OF_JOINTS = ('damping', 'stiffness', 'rest', 'friction', 'preload', 'armature', 
              'position', 'velocity')
 
 
-def places_of(chain: Chain) -> dict[str, tuple]:
+def places_of(chain: Tree) -> dict[str, tuple]:
     """Return name -> place of every parameter: index of the body or None, kind of the joint or None, key, 0 or 1."""
     places = {f'gravity.{axis}': (None, None, 'gravity', part) for axis, part in AXES.items()}
     bodies, joints = {body.name for body in chain.bodies}, set(chain.joint_names)
@@ -36,7 +37,7 @@ def places_of(chain: Chain) -> dict[str, tuple]:
     return places
 
 
-def parameters_of(chain: Chain) -> dict[str, float]:
+def parameters_of(chain: Tree) -> dict[str, float]:
     """Return all parameters, name -> value."""
     values = {}
     for name, (index, kind, key, part) in places_of(chain).items():
@@ -46,8 +47,8 @@ def parameters_of(chain: Chain) -> dict[str, float]:
     return values
 
 
-def with_parameters(chain: Chain, values: Mapping[str, float]) -> Chain:
-    """Return a new, checked chain with these values; ChainError: an unknown name, a value that cannot be."""
+def changed_data(chain: Tree, values: Mapping[str, float]) -> dict:
+    """Return the chain's data with these values; ChainError: an unknown name, a value that is no number."""
     if not isinstance(values, Mapping):
         raise ChainError(f'the parameters are of type {type(values).__name__}, must be a mapping of names to numbers')
     places, data, inertias = places_of(chain), data_of(chain), {}
@@ -70,7 +71,7 @@ def with_parameters(chain: Chain, values: Mapping[str, float]) -> Chain:
             (owner if kind is None else owner[kind])[key] = value
     for index, pair in inertias.items():
         _put_inertia(data['bodies'][index], pair)
-    return build_chain(data, '')
+    return data
 
 
 def _put_inertia(body: dict, pair: dict) -> None:

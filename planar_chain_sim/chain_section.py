@@ -12,7 +12,7 @@ from numbers import Integral, Real
 import re
 from typing import NoReturn, Optional
 
-from .chain import ChainError
+from .errors import ChainError
 
 MAX_DEPTH = 32       # of nested mappings and lists
 MAX_KEYS = 256       # of one mapping

@@ -12,15 +12,13 @@ import textwrap
 from typing import Callable, NoReturn, Optional, Sequence
 import warnings
 
+from .errors import Mistake, RobotFileNote
+
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 ENDED_BY = 128   # and the signal's number: the shell's code for a command that a signal ended
 NUMBERS = re.compile(r'-(?:[\d.]|inf|nan|pi)')   # the beginning of a value that is not an option
 LONGEST = 4000      # characters of a sentence
 NOT_WRITTEN = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
-
-
-class Mistake(Exception):
-    """A mistake that the user can correct: one sentence."""
 
 
 class Paragraphs(HelpFormatter):
@@ -90,7 +88,6 @@ def run_command(program: str, body: Callable[[Optional[Sequence[str]]], int],
     SIGTERM and SIGHUP act like Ctrl-C, so that files are closed properly, with exit codes 143 and 129. Other errors
     show their traceback, also with exit code 2.
     """
-    from .chain import RobotFileNote
     catch_stop_signals(_interrupt)
     warnings.showwarning = lambda message, category, *_: say(
         program, f'{"note" if issubclass(category, RobotFileNote) else "warning"}: {message}')
@@ -158,12 +155,7 @@ def sentence_of(error: Exception) -> Optional[str]:
         return f'its output cannot be written ({error.strerror})'
     if isinstance(error, MemoryError):
         return f'there is not enough memory{f" ({error})" if str(error) else ""}, try a smaller task'
-    if isinstance(error, Mistake):
-        return str(error)
-    from .chain import ChainError
-    from .dynamics import SimulationError
-    from .recording.log_error import LogError
-    return str(error) if isinstance(error, (ChainError, LogError, SimulationError)) else None
+    return str(error) if isinstance(error, Mistake) else None
 
 
 def raise_to_user(error: Exception) -> None:

@@ -7,36 +7,10 @@ import numpy as np
 
 from . import _kernel, equations_of_motion
 from .chain import Chain
+from .errors import SimulationError
 from .plan import plan_of
 
 FORMS = ('reference', 'dense', 'recursive', 'auto')
-
-
-class SimulationError(RuntimeError):
-    """
-    A motion that cannot go on: one sentence, and where it stopped.
-
-    `time` s, `tick`, `joint` and `body` (names), `position` and `velocity` (joints,): the last good state.
-    `time` and `tick` are None where there is no simulation. `reason`: 'singular', a configuration without inertia;
-    'not_finite', the state ran away; 'coarse' and 'too_long', the fixed step is too long; 'stalled', the steps have
-    become too short; 'endless_events', stops and friction follow one another without time going on.
-    """
-
-    def __init__(self, message, *, joint=None, body=None, time=None, tick=None, position=None, velocity=None,
-                 reason=None):
-        super().__init__(message)
-        self.reason = reason
-        self.joint, self.body, self.time, self.tick = joint, body, time, tick
-        self.position, self.velocity = position, velocity
-
-    @property
-    def ran_away(self) -> bool:
-        """Whether the numbers ran away, a divergence; else something else ended the motion."""
-        return self.reason in ('not_finite', 'coarse')
-
-
-class Interrupted(RuntimeError):
-    """Simulation.interrupt() ended a call; the simulation is at the last whole tick and can go on from there."""
 
 
 def joint_array(name: str, values, shape: tuple) -> np.ndarray:

@@ -11,8 +11,9 @@ from typing import Callable
 
 import numpy as np
 
-from .chain import BASE, Chain
+from .chain import Chain
 from .dynamics import energy
+from .tree import BASE
 
 ROWS = 1024  # ticks between two sums
 

@@ -11,8 +11,9 @@ from dataclasses import replace
 from math import isfinite
 from typing import Optional, Union
 
-from .chain import Body, ChainError
 from .chain_section import angle_of, ANGLE_TEXTS, as_number, clipped, plain, shown, suggestion
+from .errors import ChainError
+from .tree import Body
 
 WANTED = 'must be a joint, a list of joints or a mapping from joints to values (rad or m)'
 Hold = Union[None, str, Iterable[str], Mapping[str, Union[None, float, str]]]

@@ -12,7 +12,8 @@ from typing import Callable
 
 import numpy as np
 
-from .chain import Chain, Joint
+from .chain import Chain
+from .tree import Joint
 
 
 def _no_energy(joint: Joint, position: float) -> float:

@@ -6,9 +6,10 @@ from math import isfinite
 from typing import Mapping, NamedTuple
 
 from ._kernel import plane_vector
-from .chain import altered, Body, Chain
+from .chain import altered, Chain
 from .dynamics import joint_array
 from .plan import plan_of
+from .tree import Body
 
 
 class Wrench(NamedTuple):

@@ -7,8 +7,8 @@ from typing import Optional
 
 import numpy as np
 
-from .chain import ChainError
 from .chain_section import clipped, suggestion
+from .errors import ChainError
 from .mjcf_document import Classes, Compiler, Element, parse
 from .mjcf_geoms import Geom, inertia_of, mass_of, read_geom
 

@@ -11,8 +11,8 @@ from typing import NoReturn, Optional
 
 import numpy as np
 
-from .chain import ChainError
 from .chain_section import clipped, suggestion
+from .errors import ChainError
 from .planar_robot import turn_about
 from .xml_elements import read_xml
 

@@ -12,8 +12,9 @@ import warnings
 
 import numpy as np
 
-from .chain import Chain, ChainError, RobotFileNote
+from .chain import Chain
 from .chain_section import clipped, suggestion
+from .errors import ChainError, RobotFileNote
 from .hold import held_at
 from .mjcf_bodies import Hinge, Mechanism, new_name
 from .mjcf_document import Classes, Element

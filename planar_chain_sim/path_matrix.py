@@ -12,7 +12,9 @@ from typing import NamedTuple, Optional
 import numpy as np
 
 from ._kernel import unit_vector  # load-time trigonometry through the kernel's own functions
-from .chain import BASE, Chain, ChainError, Joint
+from .chain import Chain
+from .errors import ChainError
+from .tree import BASE, Joint
 
 
 def incidence_matrix(chain: Chain) -> np.ndarray:

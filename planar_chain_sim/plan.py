@@ -1,18 +1,15 @@
-"""The plan: what a chain needs, what is skipped, and the kernel model made for it, once, when the chain is loaded."""
+"""The plan: what a chain needs, what is skipped, and which form of the equations suits it, made once per chain."""
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from os import PathLike
-from typing import Optional
 
-import numpy as np
-
-from . import _kernel
-from .chain import Chain
-from .integrators import Method
-from .joint_forces import has_stop, JOINT_FORCES, teach_kernel
-from .path_matrix import merge_welded, Place
+from .chain import Chain, check_chain
+from .joint_forces import has_stop, JOINT_FORCES
+from .kernel_model import kernel_model_of
+from .path_matrix import Place
+from .solvable import refuse_singular
 
 # Links up to which the dense form is worth it for a serial chain that only turns. Measured once: uniform rods, gcc 12,
 # a 3 GHz x86-64 core with AVX2, dense and recursion in ns: 170, 194 at 6 links, 205, 215 at 7, 243, 241 at 8. The
@@ -43,32 +40,6 @@ class Plan:
                 f'uses {", ".join(self.used) or "nothing more"}; skips {", ".join(self.skipped) or "nothing"}')
 
 
-def kernel_arrays(chain: Chain, links) -> tuple[np.ndarray, np.ndarray]:
-    """Return topology (links, 3) and numbers (links, 12) of merged links; M_i of (5.60) is summed from the leaves."""
-    index = {joint.name: k for k, joint in enumerate(chain.joints)}
-    outboard = [0.0] * (len(links) + 1)
-    for slot in range(len(links), 0, -1):
-        outboard[slot] += links[slot - 1].mass
-        outboard[links[slot - 1].carrier] += outboard[slot]
-    topology = np.array([
-        (link.carrier, index[link.slide.name] if link.slide else -1, index[link.rotation.name] if link.rotation else -1)
-        for link in links], dtype=np.int32).reshape(len(links), 3)
-    constants = np.array([
-        (link.rotation.axis if link.rotation else 1.0, link.mass, outboard[slot], link.moment.real, link.moment.imag,
-         link.inertia, link.offset.real, link.offset.imag, link.slide_axis.real, link.slide_axis.imag,
-         link.rotation.armature if link.rotation else 0.0, link.slide.armature if link.slide else 0.0)
-        for slot, link in enumerate(links, start=1)]).reshape(len(links), 12)
-    return topology, constants
-
-
-def _kernel_model(chain: Chain, links) -> object:
-    """Hand the merged links and the laws of their joints to the kernel."""
-    topology, constants = kernel_arrays(chain, links)
-    model = _kernel.Model(topology, constants, (chain.gravity.real, chain.gravity.imag), chain.joint_count)
-    teach_kernel(model, chain)
-    return model
-
-
 def plan_of(chain: Chain) -> Plan:
     """
     Return the chain's plan, made when it is first asked for and kept with the chain from then on.
@@ -84,8 +55,9 @@ def plan_of(chain: Chain) -> Plan:
         if not isinstance(chain, Chain):
             raise _no_chain(chain)
         if '_checked' not in kept:
-            from .chain_checks import check_chain
             check_chain(chain)
+        if '_solvable' not in kept:
+            refuse_singular(chain)
         plan = kept['_plan'] = _make_plan(chain)
     return plan
 
@@ -98,8 +70,8 @@ def _no_chain(given) -> TypeError:
 
 
 def _make_plan(chain: Chain) -> Plan:
-    """Merge welded bodies, list features, build the kernel's model."""
-    links, grounded, places = merge_welded(chain)
+    """List the features, choose the form."""
+    model, links, grounded, places = kernel_model_of(chain)
     features = {
         'slides': any(link.slide for link in links),
         'branches': len({link.carrier for link in links}) < len(links),
@@ -115,7 +87,6 @@ def _make_plan(chain: Chain) -> Plan:
     welded = len(chain.bodies) - len(links)
     if welded:
         used += (f'welded bodies merged: {welded}',)
-    model = _kernel_model(chain, links)
     if model.refined:
         used += ('iterative refinement',)
     form, why_form = _choose_form(links, model.refined)
@@ -133,52 +104,3 @@ def _choose_form(links, refined: bool) -> tuple[str, str]:
         return 'dense', f' (auto: a serial chain of rotations with at most {DENSE_LINKS} links)'
     return 'recursive', (f' (auto: more than {DENSE_LINKS} links)' if serial else
                          ' (auto: not a serial chain of rotations without armature)')
-
-
-def singular_joint(chain: Chain) -> Optional[str]:
-    """
-    Name of a joint whose pivot vanishes at each of a few fixed irregular configurations, else None (equations.md 7).
-
-    Pivots are analytic in q: zero at all of them is zero everywhere, and then the chain has no motion to compute.
-    """
-    count = chain.joint_count
-    zero, joint = np.zeros(count), -1
-    for trial in range(1, 5):
-        position = np.sin(1.0 + 2.399963 * trial * np.arange(1, count + 1)) * (0.7 + 0.2 * trial)
-        joint = plan_of(chain).model.forward_dynamics(position, zero, zero)[1]
-        if joint < 0:
-            return None
-    return chain.joint_names[joint]
-
-
-def damping_rate(chain: Chain) -> float:
-    """
-    Estimate of the fastest decay that joint damping gives the chain at its initial state, 1/s; 0 without damping.
-
-    Power iteration for the largest eigenvalue of H^-1 d, six times an O(n) solution.
-    """
-    return _largest_rate(chain, np.array([joint.damping for joint in chain.joints]))[0]
-
-
-def _largest_rate(chain: Chain, law: np.ndarray) -> tuple[float, int]:
-    """Return the largest eigenvalue of H^-1 law, law (joints,) on the diagonal, and the joint that moves most in it."""
-    if not law.any():
-        return 0.0, 0
-    position = np.array([joint.position for joint in chain.joints])
-    return plan_of(chain).model.largest_rate(position, law)
-
-
-def step_limit(chain: Chain, method: Method) -> Optional[tuple[float, str]]:
-    """
-    Return the longest step, s, that a fixed-step method can hold stable at the initial state, and the joint to blame.
-
-    By estimates of the fastest decay of dampers and oscillation of springs, and the method's stability region on the
-    negative real and on the imaginary axis. None where nothing is stiff or the method has no such limit.
-    """
-    real, imaginary = method.stability_limits
-    limits = []
-    for law, power, extent in (('damping', 1.0, real), ('stiffness', 0.5, imaginary)):
-        rate, joint = _largest_rate(chain, np.array([getattr(joint, law) for joint in chain.joints]))
-        if rate > 0.0 and extent < np.inf:
-            limits.append((extent / rate**power, chain.joint_names[joint]))
-    return min(limits, default=None)

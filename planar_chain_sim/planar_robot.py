@@ -17,8 +17,10 @@ from typing import NamedTuple, Optional
 
 import numpy as np
 
-from .chain import ChainError
+from .chain import chain_from_dict
 from .chain_section import clipped
+from .errors import ChainError
+from .solvable import SingularError
 
 PARALLEL = 5e-3     # rad; files have angles such as 1.57
 EXACT = 1e-6        # rad; above it the line names the largest angle
@@ -121,8 +123,6 @@ def body_names(robot: SpatialRobot) -> dict:
 
 def chain_of(data: dict, name: str):
     """Return the chain of planar_data; ChainError in words of the robot: links and joints, not keys."""
-    from .chain_checks import SingularError
-    from .chain_yaml import chain_from_dict
     try:
         return chain_from_dict(data)
     except SingularError as error:

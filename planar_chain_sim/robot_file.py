@@ -3,7 +3,8 @@ from __future__ import annotations
 
 from typing import Union
 
-from .chain import Chain, ChainError
+from .chain import Chain
+from .errors import ChainError
 from .xml_elements import root_tag
 
 WANTED = 'must be a URDF, an MJCF or a chain file in YAML'

@@ -11,12 +11,14 @@ import numpy as np
 
 from . import _kernel
 from .chain import altered, Chain
-from .dynamics import Interrupted, joint_array, resolve_form, SimulationError
+from .dynamics import joint_array, resolve_form
+from .errors import SimulationError
 from .integrators import (
     choose_method, DEFAULT_TOLERANCE, LEAST_TOLERANCE, method_data, METHODS, STIFF, taylor_order, UNROLLED_SERIES)
 from .loads import checked_wrench, index_of, on_links, with_payload, without_payload, Wrench
-from .plan import damping_rate, plan_of, step_limit
+from .plan import plan_of
 from .quantities import same_but_for_quantities
+from .stiffness import damping_rate, step_limit
 
 # Why the kernel stopped, by what it calls the outcome.
 _WHY = {'singular': 'the configuration is singular', 'not_finite': 'the state ran away and would not be finite',
@@ -29,6 +31,10 @@ EVENT_KINDS = _kernel.EVENT_KINDS
 
 CHECKPOINT_FORMAT = 2
 MOST_TICKS = 2**53   # a double counts no further
+
+
+class Interrupted(RuntimeError):
+    """Simulation.interrupt() ended a call; the simulation is at the last whole tick and can go on from there."""
 
 
 class JointEvent(NamedTuple):
@@ -558,47 +564,6 @@ class Simulation:
         refused = stepper.load(tick, between, state, anew)
         if refused:
             raise ValueError(f'checkpoint is damaged: its {refused} cannot be what was saved')
-
-
-@dataclass(frozen=True)
-class Run:
-    """A rollout: `time` (ticks+1,) s; `position`, `velocity` (ticks+1, joints); `effort` (ticks, joints) that acted."""
-
-    time: np.ndarray
-    position: np.ndarray
-    velocity: np.ndarray
-    effort: np.ndarray
-
-    def __repr__(self):
-        ticks, joints = self.effort.shape
-        step = f' of {self.time[1] - self.time[0]:g} s' if ticks else ''
-        return f'Run: {ticks} ticks{step}, {joints} joints, to t = {self.time[-1]:g} s'
-
-
-def rollout(chain: Chain, duration: float, step: float = 1e-3, method: str = 'auto', effort=None,
-            tolerance: Optional[float] = None, form: str = 'auto', position=None, velocity=None) -> Run:
-    """
-    Simulate `duration` s from `position` and `velocity` (joints,); where one is None, from that of the chain.
-
-    `effort`: None, (joints,) held, (ticks, joints) a row per tick, or a callable once per tick, (time, position,
-    velocity) -> (joints,). ValueError: bad arguments, a position beyond a stop, a duration that is no whole number of
-    steps. SimulationError as in Simulation.advance.
-    """
-    simulation = Simulation(chain, method, step, tolerance, form)
-    if position is not None or velocity is not None:
-        own = initial_state(chain)
-        simulation.set_state(own[0] if position is None else position, own[1] if velocity is None else velocity)
-    ticks, joints = whole_ticks(duration, simulation.step), chain.joint_count
-    position, velocity = np.empty((ticks + 1, joints)), np.empty((ticks + 1, joints))
-    acted = np.empty((ticks, joints))
-    position[0], velocity[0] = simulation.position, simulation.velocity
-    if callable(effort):
-        for k in range(ticks):
-            wanted = effort(simulation.time, position[k].copy(), velocity[k].copy())
-            simulation.advance(1, wanted, (position[k + 1:k + 2], velocity[k + 1:k + 2], acted[k:k + 1]))
-    else:
-        simulation.advance(ticks, effort, (position[1:], velocity[1:], acted))
-    return Run(np.arange(ticks + 1) * simulation.step, position, velocity, acted)
 
 
 def _is_flat(values) -> bool:

@@ -13,8 +13,9 @@ import warnings
 
 import numpy as np
 
-from .chain import Chain, ChainError, RobotFileNote
+from .chain import Chain
 from .chain_section import clipped, suggestion
+from .errors import ChainError, RobotFileNote
 from .hold import held_at
 from .planar_robot import account, chain_of, Link, listed, planar_data, quoted, SpatialJoint, SpatialRobot
 from .urdf_writer import UNLIMITED

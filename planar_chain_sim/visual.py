@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 import re
 
-from .chain import BASE, Body, Chain
 from .chain_section import plain, shown, suggestion
+from .tree import BASE, Body, Tree
 
 KEYS = ('length', 'color')
 COLORS = ((0.043, 0.431, 0.600), (0.851, 0.451, 0.051), (0.267, 0.518, 0.380), (0.565, 0.396, 0.690),
@@ -49,7 +49,7 @@ def _rgba(color):
     return None
 
 
-def body_color(chain: Chain, index: int) -> tuple:
+def body_color(chain: Tree, index: int) -> tuple:
     """Return red, green, blue and opacity of a body, 0 to 1: its own, or one of COLORS by its place in the chain."""
     color = chain.bodies[index].visual.get('color')
     return _rgba(list(COLORS[index % len(COLORS)]) if color is None else color)
@@ -60,7 +60,7 @@ def own_end(body: Body) -> list:
     return [complex(body.visual['length'], 0.0)] if 'length' in body.visual else []
 
 
-def visual_ends(chain: Chain) -> list[list[complex]]:
+def visual_ends(chain: Tree) -> list[list[complex]]:
     """Return for each body the ends of the lines that draw it, from its joint point, own frame, m, at zero slides."""
     carried = [[] for _ in chain.bodies]
     for body in chain.bodies:

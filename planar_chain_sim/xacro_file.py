@@ -11,8 +11,8 @@ import re
 import subprocess
 import sys
 
-from .chain import ChainError
 from .chain_section import clipped
+from .errors import ChainError
 
 SECONDS = 20
 MAX_BYTES = 16 * 2**20

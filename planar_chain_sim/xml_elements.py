@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from typing import NoReturn, Optional
 from xml.parsers import expat
 
-from .chain import ChainError
 from .chain_section import clipped
+from .errors import ChainError
 
 MAX_DEPTH = 64            # of nested elements
 MAX_ELEMENTS = 400_000    # half a second's work; public robots have up to some 10,000

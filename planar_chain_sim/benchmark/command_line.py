@@ -9,7 +9,8 @@ from typing import NamedTuple, Optional
 import warnings
 
 from .table import shown, table_lines
-from ..command_line import Mistake, Parser, run_command
+from ..command_line import Parser, run_command
+from ..errors import Mistake
 
 
 class Suite(NamedTuple):

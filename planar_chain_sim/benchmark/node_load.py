@@ -13,7 +13,7 @@ from typing import Iterator
 
 import numpy as np
 
-from ..command_line import Mistake
+from ..errors import Mistake
 from ..recording.log_reader import read_log
 from ..ros.pacing import wake_punctually
 

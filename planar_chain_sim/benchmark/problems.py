@@ -6,8 +6,9 @@ from typing import Callable
 
 import numpy as np
 
-from ..chain import Body, Chain, Joint
-from ..chain_yaml import find_chain_file, load_chain
+from ..chain import Chain
+from ..chain_file import find_chain_file, load_chain
+from ..tree import Body, Joint
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,10 @@ from types import SimpleNamespace
 from typing import Iterator
 
 from .problems import Problem, PROBLEMS
-from ..chain import BASE, Chain
-from ..command_line import Mistake
+from ..chain import Chain
+from ..errors import Mistake
 from ..simulation import initial_state
+from ..tree import BASE
 
 COLUMNS = ('problem', 'quantity', 'mpmath, extrapolation', 'heyoka, Taylor', 'largest difference', 'from the stored')
 DIGITS = 29          # of the arithmetic

@@ -14,7 +14,7 @@ from .problems import uniform_rods
 from .step_time import own_evaluations
 from .work_precision import OWN
 from ..chain import Chain
-from ..command_line import Mistake
+from ..errors import Mistake
 from ..simulation import initial_state
 
 LINKS = (16, 32, 64, 128, 256, 512, 1024, 2048, 4096)

@@ -20,7 +20,8 @@ from time import monotonic, sleep
 import numpy as np
 
 from .node_load import bare_loop, cpu_time
-from ..command_line import Mistake, Parser, run_command
+from ..command_line import Parser, run_command
+from ..errors import Mistake
 from ..recording.cdr import decode_joint_state, encode_float64_multi_array
 from ..recording.log_reader import read_log
 
@@ -66,7 +67,7 @@ def soak(rate: float, seconds: float, chain: str = 'seven_link_arm.yaml', record
 
 def len_of(chain: str) -> int:
     """Return the number of joints of a chain file."""
-    from ..chain_yaml import load_chain
+    from ..chain_file import load_chain
     return load_chain(chain).joint_count
 
 

@@ -12,7 +12,7 @@ from .scenes.joint_family import at_random
 from .scenes.masses import mass_ratios, massless
 from .scenes.motion import free_chain, let_go, long_pendulum, rope, spun, stiff, turns
 from .scenes.stops import bouncing, grazing, resting, stop_at_speed, together
-from ..command_line import Mistake
+from ..errors import Mistake
 
 COLUMNS = ('scene', 'what must hold', 'at most', 'measured', 'holds', 'MuJoCo')
 

@@ -15,8 +15,8 @@ import numpy as np
 
 from ..chain import Chain
 from ..chain_section import angle_of, clipped, suggestion
-from ..command_line import Mistake
 from ..dynamics import joint_array
+from ..errors import Mistake
 
 TIME = re.compile(r'(time|t)(_s|\s*[\[(]s[\])])?', re.IGNORECASE)   # the name of a column
 SEPARATORS = (';', '\t', ',', None)   # the first that the first row has; None: blanks

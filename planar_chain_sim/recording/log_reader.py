@@ -15,7 +15,8 @@ from struct import error as StructError, Struct
 from typing import Iterator, NamedTuple
 from zlib import crc32
 
-from .log_error import LogError, require_mcap
+from .mcap_library import require_mcap
+from ..errors import LogError
 try:
     import lz4.frame
     from mcap import records

@@ -15,12 +15,12 @@ from typing import Optional
 import numpy as np
 
 from .cdr import CdrError, decode_joint_state, decode_string
-from .log_error import LogError
 from .log_reader import Log, LogMessage, read_log
 from .run_settings import simulation_of
 from ..changes import apply_change, CHANGES
 from ..command_line import Parser, run_command, tell
-from ..dynamics import joint_array, SimulationError
+from ..dynamics import joint_array
+from ..errors import LogError, SimulationError
 from ..simulation import Simulation
 
 QUANTITIES = ('position', 'velocity', 'effort')

@@ -14,13 +14,12 @@ from .effort_table import by_joint, Efforts, read_efforts
 from .log_writer import COMPRESSIONS, LogWriter
 from .rosbag2_profile import Channel
 from .run_settings import settings_of
-from ..chain import ChainError
+from ..chain_file import load_chain
 from ..chain_section import clipped
-from ..chain_yaml import load_chain
-from ..command_line import add_hold, catch_stop_signals, Mistake, Parser, run_command, tell
-from ..dynamics import Interrupted, SimulationError
+from ..command_line import add_hold, catch_stop_signals, Parser, run_command, tell
+from ..errors import ChainError, Mistake, SimulationError
 from ..integrators import METHODS
-from ..simulation import initial_state, JointEvent, Simulation, whole_ticks
+from ..simulation import initial_state, Interrupted, JointEvent, Simulation, whole_ticks
 
 STATE_TOPIC, EVENTS_TOPIC = '/joint_states', '/simulator/events'   # what the node would publish them on
 CHUNK = 1000   # ticks between two looks at the progress bar, at most

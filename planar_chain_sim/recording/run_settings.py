@@ -7,11 +7,10 @@ from platform import machine
 
 import numpy as np
 
-from .log_error import LogError
 from .log_reader import Log
 from .. import __version__, _kernel
-from ..chain import ChainError
-from ..chain_yaml import chain_from_text
+from ..chain_file import chain_from_text
+from ..errors import ChainError, LogError
 from ..simulation import Simulation
 
 FORMAT = '1'

@@ -13,7 +13,7 @@ from typing import Iterator, Sequence
 
 import yaml
 
-from ..command_line import Mistake
+from ..errors import Mistake
 
 LOADER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
 WITH_VALUE = ('-p', '--param', '-r', '--remap', '--params-file', '--log-level', '--log-config-file')

@@ -9,9 +9,9 @@ from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.parameter import Parameter
 
-from .parameters import (check_for_chain, check_quantity, check_together, checked, idle, NUMBERS, numbers_of,
-                         PARAMETERS, Row, ROWS, Value)
-from ..command_line import Mistake
+from .parameters import (
+    check_for_chain, check_quantity, check_together, checked, idle, NUMBERS, numbers_of, PARAMETERS, Row, ROWS, Value)
+from ..errors import Mistake
 from ..quantities import QUANTITIES
 
 

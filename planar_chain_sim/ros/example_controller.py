@@ -56,12 +56,13 @@ def main(arguments=None) -> int:
 
 def control(own_arguments, ros_arguments, stop) -> None:
     """Answer states until something is put into `stop`. Mistake: bad arguments, parameters or chain."""
-    from ..command_line import Mistake, Parser
+    from ..command_line import Parser
+    from ..errors import Mistake
     Parser('example_controller', DESCRIPTION, EXAMPLE).parse_args(own_arguments)
     with ExitStack() as ending:
         node = start_node('example_controller', ros_arguments, ending)
         from rclpy.executors import SingleThreadedExecutor
-        from ..chain import ChainError
+        from ..errors import ChainError
         try:
             answer_states(node, *controller_of(node))
         except ChainError as error:
@@ -77,7 +78,7 @@ def controller_of(node):
     """Return the controller that the node's parameters want, and its chain; Mistake or ChainError."""
     from .declaration import declare, given_values
     from .parameters import Row
-    from ..chain_yaml import load_chain
+    from ..chain_file import load_chain
     rows = (Row('chain_file', 'four_link_robot.yaml', 'Chain file that the simulator has.'),
             Row('hold', [], 'Joints of it that are welded, as the simulator has it.'),
             Row('amplitude', 0.5, 'Swing of a rotation, rad; a slide swings a fifth of it, m.', (-100.0, 100.0)),

@@ -4,7 +4,7 @@ from __future__ import annotations
 from geometry_msgs.msg import Point
 from visualization_msgs.msg import Marker, MarkerArray
 
-from ..pictures import body_lines
+from ..mechanics.body_lines import body_lines
 from ..visual import body_color
 
 PERIOD = 1.0 / 30.0  # s

@@ -4,8 +4,8 @@ from __future__ import annotations
 from time import monotonic_ns
 from typing import NamedTuple, Optional
 
-from ..dynamics import SimulationError
 from ..energy_balance import EnergyBalance
+from ..errors import SimulationError
 
 
 class Measurement(NamedTuple):

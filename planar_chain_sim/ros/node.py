@@ -29,7 +29,8 @@ def main(arguments=None) -> int:
 
 def simulate(own_arguments, ros_arguments, stop) -> None:
     """Simulate until something is put into `stop`. Mistake: arguments, parameters, chain, method or log are no good."""
-    from ..command_line import Mistake, say
+    from ..command_line import say
+    from ..errors import Mistake
     told = parse(own_arguments)
     gc.disable()  # until all is loaded: nothing of it is garbage
     with ExitStack() as ending:  # ends in reverse order, so that nobody is asked who has gone already
@@ -72,7 +73,7 @@ def parse(arguments) -> dict:
 
 def tell(node, message, category) -> None:
     """Log a Python warning: of a step that is too long, at the start or while it runs; of a robot's file."""
-    from ..chain import RobotFileNote
+    from ..errors import RobotFileNote
     if issubclass(category, RobotFileNote):
         node.get_logger().info(str(message))
     else:
@@ -85,8 +86,8 @@ def start_simulator(node, ending, stop, told=None):
 
     None after a stop. `told`: parameters that were given in another way than as such.
     """
-    from .messages import create_polled_subscription, create_publisher, INPUTS, OUTPUTS
     from .declaration import declare_chain_parameters, declare_parameters
+    from .messages import create_polled_subscription, create_publisher, INPUTS, OUTPUTS
 
     values = declare_parameters(node, **(told or {}))
     if values['publish_tf']:
@@ -136,9 +137,9 @@ def serve(node, ending, stop, simulator, chain, urdf, values, log, ends) -> None
 
     `ends`: subscriptions of INPUTS and publishers of OUTPUTS, by key.
     """
+    from .declaration import let_set
     from .diagnostics import Diagnostics, PERIOD
     from .messages import create_publisher, SIDE_OUTPUTS
-    from .declaration import let_set
     from .neighbours import Neighbours, PERIOD as NEIGHBOURS_PERIOD
     from .services import ServiceThread
 
@@ -228,7 +229,7 @@ def simulator_class(values):
 
 def load(node, values, stop):
     """Return the chain of `chain_file` and its URDF if it is one, both None after a stop; ChainError."""
-    from ..chain_yaml import chain_from_text, find_chain_file, load_chain
+    from ..chain_file import chain_from_text, find_chain_file, load_chain
     from ..xacro_file import USED
     from ..xml_elements import root_tag
     if values['chain_file'] == ON_TOPIC:

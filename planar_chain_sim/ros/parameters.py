@@ -11,7 +11,7 @@ import re
 import textwrap
 from typing import Callable, Iterator, NamedTuple, Optional, Union
 
-from ..command_line import Mistake
+from ..errors import Mistake
 from ..integrators import LEAST_TOLERANCE, METHODS
 from ..quantities import changed_chain, QUANTITIES
 

@@ -82,7 +82,7 @@ def split_arguments(arguments: Sequence[str]) -> tuple[list, list]:
 def refuse_clock() -> None:
     """Raise Mistake if the system clock is outside the years that ROS messages and the middleware can represent."""
     from .pacing import LAST_STAMP
-    from ..command_line import Mistake
+    from ..errors import Mistake
     now = time_ns()
     if not 0 <= now <= LAST_STAMP:
         raise Mistake(f'the system clock is in the year {int(1970 + now / 31_556_952e9)}, and ROS messages can be sent '
@@ -95,7 +95,7 @@ def start_node(name: str, arguments: Sequence[str], ending: ExitStack):
 
     Mistake where there is no ROS 2 or it does not take the arguments.
     """
-    from ..command_line import Mistake
+    from ..errors import Mistake
     if not Path('DEFAULT_FASTRTPS_PROFILES.xml').exists():  # which Fast DDS uses by itself
         os.environ.setdefault('FASTRTPS_DEFAULT_PROFILES_FILE', str(DDS_PROFILE))
     refuse_clock()

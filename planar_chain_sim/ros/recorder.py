@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from .messages import INPUTS, OUTPUTS
-from ..command_line import Mistake
+from ..errors import Mistake
 from ..recording.log_writer import BackgroundLogWriter, LogError
 from ..recording.rosbag2_profile import Channel
 from ..recording.run_settings import settings_of

@@ -50,7 +50,8 @@ def printable(name: str) -> str:
 
 def parse(arguments):
     """Return the options of the command line; Mistake on a bad one."""
-    from ..command_line import Mistake, Parser
+    from ..command_line import Parser
+    from ..errors import Mistake
     parser = Parser('replay', DESCRIPTION, EXAMPLE)
     parser.add_argument('log', help='MCAP log of the simulator or of rollout')
     parser.add_argument('--what', choices=('commands', 'states'), default='commands',
@@ -73,7 +74,7 @@ def parse(arguments):
 def find_topics(log, options) -> dict[str, str]:
     """Return topic -> type of what is to be published after --start; Mistake if that is nothing."""
     from .messages import INPUTS
-    from ..command_line import Mistake
+    from ..errors import Mistake
     command_types = {row.type_name for row in INPUTS.values()}
     state_topic, topics, origin, last = log.settings.get('state_topic'), {}, None, 0
     for message in log.messages:
@@ -100,7 +101,7 @@ def create_publisher(node, topic: str, type_name: str):
     """Create a publisher for recorded bytes of a type by its name; Mistake: ROS refuses the topic."""
     from rclpy.exceptions import InvalidTopicNameException
     from .messages import INPUTS
-    from ..command_line import Mistake
+    from ..errors import Mistake
     message = next(row.message for row in INPUTS.values() if row.type_name == type_name)
     try:
         return node.create_publisher(message, topic, 10)

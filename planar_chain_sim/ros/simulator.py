@@ -18,10 +18,10 @@ from .measurement import Meter
 from .pacing import LONGEST_LATENESS, Pacing, wake_punctually
 from .publication import Publication
 from .._kernel import json_list
-from ..chain import ChainError
 from ..changes import apply_change
-from ..dynamics import Interrupted, SimulationError
+from ..errors import ChainError, SimulationError
 from ..quantities import QUANTITIES, to_json
+from ..simulation import Interrupted
 
 LOOK_PERIOD = 20_000_000  # ns between two looks at who publishes commands and at the log
 LONGEST_SLEEP = 10_000_000  # ns; a request or a stop is seen after at most this, whatever the rate

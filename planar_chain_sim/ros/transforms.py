@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from geometry_msgs.msg import TransformStamped
 
-from ..command_line import Mistake
+from ..errors import Mistake
 from ..link_frames import quaternion
 
 PERIOD = 1.0 / 50.0  # s

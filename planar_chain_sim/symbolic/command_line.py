@@ -13,9 +13,10 @@ from .json_document import json_document
 from .latex_document import latex_document
 from .text_document import text_document
 from ..chain import Chain
+from ..chain_file import load_chain
 from ..chain_section import clipped
-from ..chain_yaml import load_chain
-from ..command_line import add_hold, Mistake, Parser, refuse_hold, run_command, write_document
+from ..command_line import add_hold, Parser, refuse_hold, run_command, write_document
+from ..errors import Mistake
 
 FORMATS = {'text': text_document, 'latex': latex_document, 'json': json_document}
 PICTURES = ('.png', '.svg')
@@ -89,9 +90,9 @@ def _chain_and_state(options) -> tuple[Chain, Optional[tuple], str]:
     """Return the chain, the state wanted (position, velocity, effort), None for none, and how to call the state."""
     if options.chain.endswith('.mcap'):
         refuse_hold(options)
+        from .logged_state import state_at
         from ..recording.log_reader import read_log
         from ..recording.run_settings import simulation_of
-        from .logged_state import state_at
         log = read_log(options.chain)
         simulation = simulation_of(log)
         chain = simulation.chain

@@ -4,9 +4,8 @@ from __future__ import annotations
 from math import isfinite
 
 from ..changes import apply_change, CHANGES
-from ..command_line import Mistake
+from ..errors import LogError, Mistake
 from ..recording.cdr import CdrError, decode_joint_state
-from ..recording.log_error import LogError
 from ..recording.log_reader import Log
 from ..recording.resimulation import event_of
 from ..simulation import Simulation

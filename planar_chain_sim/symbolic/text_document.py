@@ -10,7 +10,7 @@ from .equations import Equations
 from .factors import Symbol
 from .notation import display_width, SOFT_BREAK, TEXT
 from .terms import Equation
-from .topology import (carried_by, carrier_number, coordinates_by_body, matrices, outer_bodies, vectors_by_angle)
+from .topology import carried_by, carrier_number, coordinates_by_body, matrices, outer_bodies, vectors_by_angle
 from .writing import Writer
 from ..path_matrix import shared_mass_matrix
 

@@ -7,8 +7,9 @@ import numpy as np
 
 from .factors import Coordinate, ScalarProduct, Vector
 from .terms import Equation
-from ..chain import BASE, Chain
+from ..chain import Chain
 from ..path_matrix import incidence_matrix, path_matrix
+from ..tree import BASE
 
 
 def matrices(chain: Chain) -> dict[str, np.ndarray]:

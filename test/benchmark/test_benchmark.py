@@ -9,14 +9,13 @@ from oracles.random_trees import random_tree
 import pytest
 
 import planar_chain_sim as pcs
-from planar_chain_sim.benchmark import (cpu_time, energy_drift, references, scaling, skipping, stability,
-                                        work_precision)
+from planar_chain_sim.benchmark import cpu_time, energy_drift, references, scaling, skipping, stability, work_precision
 from planar_chain_sim.benchmark.command_line import main
 from planar_chain_sim.benchmark.peers import open_peers
 from planar_chain_sim.benchmark.problems import PROBLEMS, uniform_rods
 from planar_chain_sim.benchmark.scenes import Check, damaged_files, flood
 from planar_chain_sim.benchmark.table import shown, table_lines
-from planar_chain_sim.chain_yaml import chain_from_text
+from planar_chain_sim.chain_file import chain_from_text
 from planar_chain_sim.plan import plan_of
 from planar_chain_sim.simulation import initial_state
 

@@ -6,7 +6,7 @@ from oracles.two_rods import rod, TWO_RODS
 import pytest
 
 from planar_chain_sim import chain_from_dict, ChainError, load_chain
-from planar_chain_sim.chain_yaml import chain_from_text
+from planar_chain_sim.chain_file import chain_from_text
 
 CONFIG = Path(__file__).parents[2] / 'config'
 ABOVE_ZERO = 'a number >= 0'

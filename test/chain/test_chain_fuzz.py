@@ -6,7 +6,7 @@ from oracles.two_rods import rod, TWO_RODS
 import pytest
 
 from planar_chain_sim import Chain, chain_from_dict, ChainError, load_chain
-from planar_chain_sim.chain_yaml import chain_from_text
+from planar_chain_sim.chain_file import chain_from_text
 
 MEGABYTES_10 = 10 * 2**20
 BITS_OF_YAML = st.sampled_from(TWO_RODS.split() + list('-:,[]{}#&*!|>%@?~ \n\t"\'\\\0\x85\ufeff\ud800') + [

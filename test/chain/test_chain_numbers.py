@@ -9,9 +9,9 @@ import numpy as np
 from oracles.two_rods import rod, TWO_RODS
 import pytest
 
-from planar_chain_sim import chain_from_dict, chain_yaml, ChainError
+from planar_chain_sim import chain_from_dict, ChainError, yaml_text
+from planar_chain_sim.chain_file import chain_from_text
 from planar_chain_sim.chain_section import angle_of
-from planar_chain_sim.chain_yaml import chain_from_text
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 not_negative = st.floats(min_value=0.0, allow_nan=False, allow_infinity=False)
@@ -120,7 +120,7 @@ def test_words_of_yaml_1_1_are_texts(word):
 def test_pure_python_yaml_reads_the_same(monkeypatch):
     """Twin: the loader without the C library."""
     chain = chain_from_text(TWO_RODS)
-    monkeypatch.setattr(chain_yaml, 'LOADER', chain_yaml.yaml.SafeLoader)
+    monkeypatch.setattr(yaml_text, 'LOADER', yaml_text.yaml.SafeLoader)
     assert chain_from_text(TWO_RODS) == chain
     with pytest.raises(ChainError, match='^x line 11: is not valid YAML .*, must be a chain file$'):
         chain_from_text(TWO_RODS.replace('axis: 1', 'axis: 1: 1'), 'x')

@@ -13,7 +13,7 @@ import pytest
 
 import planar_chain_sim as pcs
 from planar_chain_sim import chain_from_dict, ChainError
-from planar_chain_sim.chain_yaml import chain_from_text
+from planar_chain_sim.chain_file import chain_from_text
 from planar_chain_sim.plan import plan_of
 from planar_chain_sim.recording import resimulation
 from planar_chain_sim.recording.rollout import OfflineLog, roll_to_log

@@ -7,7 +7,7 @@ import pytest
 
 import planar_chain_sim
 from planar_chain_sim import ChainError, energy, forward_dynamics, load_chain, mass_matrix, Simulation
-from planar_chain_sim.chain_yaml import find_chain_file
+from planar_chain_sim.chain_file import find_chain_file
 from planar_chain_sim.simulation import initial_state
 
 CONFIG = Path(__file__).parents[2] / 'config'

@@ -11,9 +11,9 @@ import pytest
 import yourdfpy
 
 import planar_chain_sim as pcs
-from planar_chain_sim.chain_yaml import chain_from_text
+from planar_chain_sim.chain_file import chain_from_text
 from planar_chain_sim.link_frames import LinkFrames, quaternion
-from planar_chain_sim.pictures import body_lines
+from planar_chain_sim.mechanics.body_lines import body_lines
 from planar_chain_sim.planar_robot import body_names
 from planar_chain_sim.urdf_writer import link_names, urdf_of
 
@@ -151,7 +151,7 @@ def test_tf_messages_say_the_same():
 
 
 def test_urdf_tells_what_has_no_place_in_it(tmp_path):
-    command = [sys.executable, '-m', 'planar_chain_sim.urdf_writer']
+    command = [sys.executable, '-m', 'planar_chain_sim.urdf_file']
     done = subprocess.run([*command, 'cart_arm_telescope.yaml'], capture_output=True, text=True, timeout=60, cwd=ROOT)
     assert done.returncode == 0 and done.stderr == (
         'urdf: note: not in the URDF: springs of cart_slide, telescope_slide, gripper_slide, gripper_joint\n')
@@ -163,17 +163,17 @@ def test_urdf_tells_what_has_no_place_in_it(tmp_path):
 
 
 def test_urdf_writes_a_chain(tmp_path, capsys):
-    from planar_chain_sim import urdf_writer
+    from planar_chain_sim import urdf_file
     chain = pcs.load_chain('four_link_robot.yaml')
-    assert urdf_writer.main(['four_link_robot.yaml']) == 0
+    assert urdf_file.main(['four_link_robot.yaml']) == 0
     assert capsys.readouterr().out == urdf_of(chain)
     path = tmp_path / 'robot.urdf'
-    assert urdf_writer.main(['four_link_robot.yaml', '--output', str(path), '--commands', '/c', '--states', '/s']) == 0
+    assert urdf_file.main(['four_link_robot.yaml', '--output', str(path), '--commands', '/c', '--states', '/s']) == 0
     assert path.read_text() == urdf_of(chain, '/c', '/s')
     assert [link_names(pcs.load_chain(path))[0][-1], *pcs.load_chain(path).joint_names] == [
         'base_link', *chain.joint_names]
     capsys.readouterr()
     for wrong in (['four_link_robot.yaml', '--output', str(tmp_path / 'no' / 'x')], ['nobody.yaml'], []):
-        assert urdf_writer.main(wrong) == 2
+        assert urdf_file.main(wrong) == 2
         error = capsys.readouterr().err
         assert error.startswith('urdf: ') and error.count('\n') == 1

@@ -11,8 +11,8 @@ from oracles.random_mjcf import RandomMjcf
 import pytest
 
 import planar_chain_sim as pcs
-from planar_chain_sim.chain import RobotFileNote
-from planar_chain_sim.chain_yaml import chain_from_text
+from planar_chain_sim.chain_file import chain_from_text
+from planar_chain_sim.errors import RobotFileNote
 
 PENDULUM = """<mujoco model="pendulum"><compiler angle="radian"/>
   {head}

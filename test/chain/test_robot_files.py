@@ -9,7 +9,7 @@ from oracles.robot_arm import arm, load, POINT, refusal, YAWING
 import pytest
 
 import planar_chain_sim as pcs
-from planar_chain_sim.chain_yaml import chain_from_text
+from planar_chain_sim.chain_file import chain_from_text
 
 STATE = [0.3, -0.4], [0.5, 0.2], [0.0, 0.0]
 ACCELERATION = [-7.35932895481, 28.7823596235]   # of ARM as it is, by Pinocchio and MuJoCo

@@ -9,7 +9,7 @@ from oracles.robot_arm import load, POINT, refusal
 import pytest
 
 import planar_chain_sim as pcs
-from planar_chain_sim.chain_yaml import chain_from_text
+from planar_chain_sim.chain_file import chain_from_text
 
 MACROS = """<robot name="boom" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:include filename="weight.xacro"/>
 <link name="mast"/><link name="beam"><inertial><origin xyz="0 0 ${-1.0/2}"/>

@@ -12,8 +12,8 @@ import yourdfpy
 
 import planar_chain_sim as pcs
 from planar_chain_sim.chain import Chain
-from planar_chain_sim.chain_yaml import chain_from_text
-from planar_chain_sim.pictures import body_lines
+from planar_chain_sim.chain_file import chain_from_text
+from planar_chain_sim.mechanics.body_lines import body_lines
 from planar_chain_sim.urdf_writer import urdf_of
 
 CONFIGS = ('arczewski_example', 'cart_arm_telescope', 'chain_32_links', 'double_pendulum', 'four_link_robot',

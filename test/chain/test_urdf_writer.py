@@ -13,8 +13,8 @@ from urdf_parser_py.urdf import URDF
 import yourdfpy
 
 import planar_chain_sim as pcs
-from planar_chain_sim import urdf_writer
-from planar_chain_sim.chain_yaml import chain_from_text
+from planar_chain_sim import urdf_file
+from planar_chain_sim.chain_file import chain_from_text
 from planar_chain_sim.urdf_writer import link_names, SHARE, urdf_of
 
 SHIPPED = ('arczewski_example', 'cart_arm_telescope', 'chain_32_links', 'double_pendulum', 'four_link_robot',
@@ -175,14 +175,14 @@ def test_a_carriage_has_a_part_that_is_easy_to_see():
 
 def test_a_file_that_exists_is_not_overwritten(tmp_path, capsys):
     path = tmp_path / 'mine.urdf'
-    assert urdf_writer.main(['double_pendulum.yaml', '--output', str(path)]) == 0
+    assert urdf_file.main(['double_pendulum.yaml', '--output', str(path)]) == 0
     written = path.read_bytes()
-    assert urdf_writer.main([str(path), '--output', str(path)]) == 2
+    assert urdf_file.main([str(path), '--output', str(path)]) == 2
     assert 'exists and is not overwritten' in capsys.readouterr().err and path.read_bytes() == written
 
 
 def test_held_joints_are_welded_in_it(capsys):
-    assert urdf_writer.main(['double_pendulum.yaml', '--hold', 'lower_joint=90deg']) == 0
+    assert urdf_file.main(['double_pendulum.yaml', '--hold', 'lower_joint=90deg']) == 0
     held, text = pcs.load_chain('double_pendulum.yaml', hold={'lower_joint': '90 deg'}), capsys.readouterr().out
     assert held.joint_names == chain_from_text(text).joint_names == ('upper_joint',)
     accelerations = [pcs.forward_dynamics(each, [0.3], [0.2], [0.1]) for each in (held, chain_from_text(text))]

@@ -6,7 +6,7 @@ import pytest
 
 import planar_chain_sim as pcs
 from planar_chain_sim.link_frames import LinkFrames
-from planar_chain_sim.pictures import body_lines
+from planar_chain_sim.mechanics.body_lines import body_lines
 from planar_chain_sim.urdf_writer import PLANE, urdf_of
 from planar_chain_sim.visual import body_color, COLORS
 
@@ -54,7 +54,7 @@ def test_a_colour_is_the_same_everywhere(color, wanted, tmp_path):
     told = marker_array(chain, LinkFrames(urdf_of(chain), plane=PLANE), 0, np.zeros(2), 'world').markers[0].color
     np.testing.assert_allclose([told.r, told.g, told.b, told.a], wanted, atol=1e-7)   # which are single precision
     picture = tmp_path / 'a.svg'
-    from planar_chain_sim.pictures import draw_motion
+    from planar_chain_sim.pictures.motion import draw_motion
     draw_motion(chain, pcs.rollout(chain, 0.1), str(picture))
     code = '#' + ''.join(f'{round(255 * part):02x}' for part in wanted[:3])
     assert code in picture.read_text()

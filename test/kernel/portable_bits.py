@@ -12,8 +12,9 @@ import numpy as np
 
 import planar_chain_sim as pcs
 from planar_chain_sim.integrators import taylor_order
+from planar_chain_sim.kernel_model import kernel_arrays
 from planar_chain_sim.path_matrix import merge_welded
-from planar_chain_sim.plan import kernel_arrays, plan_of
+from planar_chain_sim.plan import plan_of
 from planar_chain_sim.simulation import initial_state
 
 CHAINS = ('arczewski_example', 'four_link_robot', 'double_pendulum', 'seven_link_arm', 'cart_arm_telescope',

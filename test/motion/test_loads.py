@@ -8,7 +8,6 @@ import pytest
 
 import planar_chain_sim as pcs
 from planar_chain_sim import _kernel
-from planar_chain_sim.chain import BASE, Body
 from planar_chain_sim.changes import apply_change
 from planar_chain_sim.integrators import method_data
 from planar_chain_sim.loads import on_links, Wrench
@@ -18,6 +17,7 @@ from planar_chain_sim.recording.resimulation import resimulate
 from planar_chain_sim.recording.rollout import OfflineLog
 from planar_chain_sim.recording.run_settings import simulation_of
 from planar_chain_sim.symbolic.logged_state import state_at
+from planar_chain_sim.tree import BASE, Body
 
 ROBOT = pcs.load_chain('four_link_robot.yaml')
 ARM = pcs.load_chain('seven_link_arm.yaml')

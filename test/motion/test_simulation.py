@@ -8,7 +8,8 @@ import pytest
 
 import planar_chain_sim as pcs
 from planar_chain_sim import invariants
-from planar_chain_sim.chain import Body, Chain, Joint
+from planar_chain_sim.chain import Chain
+from planar_chain_sim.tree import Body, Joint
 
 
 def total_energy(chain, run):

@@ -12,7 +12,8 @@ from test_methods import CONFIG, double_pendulum
 import planar_chain_sim as pcs
 from planar_chain_sim import _kernel
 from planar_chain_sim.integrators import method_data, METHODS
-from planar_chain_sim.plan import plan_of, step_limit
+from planar_chain_sim.plan import plan_of
+from planar_chain_sim.stiffness import step_limit
 
 SEEDS = range(30)
 

@@ -4,8 +4,8 @@ import warnings
 import pytest
 
 import planar_chain_sim as pcs
-from planar_chain_sim.chain import RobotFileNote
-from planar_chain_sim.chain_yaml import chain_from_text
+from planar_chain_sim.chain_file import chain_from_text
+from planar_chain_sim.errors import RobotFileNote
 
 POINT = '<inertia ixx="{0}" iyy="{0}" izz="{0}" ixy="0" ixz="0" iyz="0"/></inertial>'
 ARM = """<robot name="r"><link name="stand"/>

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 import planar_chain_sim as pcs
-from planar_chain_sim import command_line, pictures, urdf_writer
+from planar_chain_sim import command_line, urdf_file
 from planar_chain_sim.benchmark import command_line as benchmark
+from planar_chain_sim.pictures import __main__ as pictures
 from planar_chain_sim.recording import resimulation, rollout
 from planar_chain_sim.recording.log_reader import read_log
 from planar_chain_sim.symbolic import command_line as equations
@@ -20,9 +21,9 @@ from planar_chain_sim.symbolic import command_line as equations
 ROBOT = 'four_link_robot.yaml'
 MODULES = {'rollout': 'recording.rollout', 'resimulate': 'recording.resimulation', 'replay': 'ros.replay',
            'equations': 'symbolic.command_line', 'benchmark': 'benchmark.command_line', 'simulator': 'ros.node',
-           'example_controller': 'ros.example_controller', 'urdf': 'urdf_writer', 'pictures': 'pictures'}
+           'example_controller': 'ros.example_controller', 'urdf': 'urdf_file', 'pictures': 'pictures.__main__'}
 DOORS = {'rollout': rollout.main, 'resimulate': resimulation.main, 'equations': equations.main,
-         'benchmark': benchmark.main, 'urdf': urdf_writer.main, 'pictures': pictures.main}
+         'benchmark': benchmark.main, 'urdf': urdf_file.main, 'pictures': pictures.main}
 ODD = [
     '', ' ', '-', '--', '---', '-1', '-1,2,0', '-1e3,2,0,0,0', '0', '1e300', '-1e300', '1e-300', '1e309', 'nan',
     '-nan', 'inf', '-inf', '1_000', '0x10', '1,2', '1,,2', 'a=b', 'a=', '=1', '=', 'column_slide=1',

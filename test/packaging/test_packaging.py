@@ -83,7 +83,7 @@ def test_kernel_and_modules_come_from_the_workspace(workspace):
 
 
 def test_chain_file_is_found_in_the_ament_index(workspace):
-    place = run_installed(workspace, sys.executable, '-c', f'from {NAME}.chain_yaml import find_chain_file\n'
+    place = run_installed(workspace, sys.executable, '-c', f'from {NAME}.chain_file import find_chain_file\n'
                           "print(find_chain_file('four_link_robot.yaml'))")
     expected = workspace / 'install' / NAME / 'share' / NAME / 'config/four_link_robot.yaml'
     assert place.stdout.strip() == str(expected), place.stderr

@@ -3,7 +3,7 @@ import numpy as np
 from oracles.random_trees import random_tree
 
 import planar_chain_sim as pcs
-from planar_chain_sim.pictures import body_lines
+from planar_chain_sim.mechanics.body_lines import body_lines
 
 
 def test_lines_of_a_tree_keep_the_lengths_of_its_bodies():

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import planar_chain_sim as pcs
-from planar_chain_sim import pictures
+from planar_chain_sim.pictures import __main__ as pictures
 from planar_chain_sim.recording import resimulation, rollout
 from planar_chain_sim.recording.cdr import decode_joint_state, encode_string, JointStateLayout
 from planar_chain_sim.recording.log_reader import read_log

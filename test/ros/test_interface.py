@@ -16,7 +16,7 @@ from std_msgs.msg import Float64MultiArray, String
 from visualization_msgs.msg import Marker, MarkerArray
 
 from planar_chain_sim import load_chain
-from planar_chain_sim.pictures import body_lines
+from planar_chain_sim.mechanics.body_lines import body_lines
 from planar_chain_sim.recording.cdr import decode_clock, decode_joint_state, decode_string
 from planar_chain_sim.recording.log_reader import read_log
 from planar_chain_sim.ros.description import TOPIC

@@ -21,8 +21,9 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
 from planar_chain_sim import load_chain, rollout, Simulation
-from planar_chain_sim.chain_yaml import chain_from_text
-from planar_chain_sim.command_line import Mistake, sentence_of
+from planar_chain_sim.chain_file import chain_from_text
+from planar_chain_sim.command_line import sentence_of
+from planar_chain_sim.errors import Mistake
 from planar_chain_sim.recording.cdr import decode_joint_state, decode_string
 from planar_chain_sim.recording.log_reader import read_log
 from planar_chain_sim.ros.arguments import unheard

@@ -9,7 +9,7 @@ from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
 from planar_chain_sim import load_chain
-from planar_chain_sim.pictures import body_lines
+from planar_chain_sim.mechanics.body_lines import body_lines
 from planar_chain_sim.ros import node
 
 CHAIN = load_chain(CONFIG / 'four_link_robot.yaml')

@@ -5,9 +5,10 @@ from typing import Callable, NamedTuple, Optional, Union
 
 import numpy as np
 
-from ...chain import Body, Chain, Joint
+from ...chain import Chain
 from ...dynamics import energy
 from ...simulation import Simulation
+from ...tree import Body, Joint
 
 INTEGRATORS = ('implicitfast', 'RK4')   # of MuJoCo: the one for damping and contacts, and the one for accuracy
 REFUSED = 'cannot be built'             # what MuJoCo makes of a body without mass or inertia

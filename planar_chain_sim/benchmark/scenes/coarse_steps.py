@@ -9,7 +9,7 @@ import numpy as np
 from . import Check
 from ..problems import configured, damped
 from ...chain import Chain
-from ...dynamics import SimulationError
+from ...errors import SimulationError
 from ...integrators import METHODS
 from ...simulation import initial_state, Simulation
 

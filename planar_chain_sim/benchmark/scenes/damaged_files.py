@@ -10,8 +10,8 @@ from time import process_time
 from typing import Iterator, Optional
 
 from . import Check
-from ...chain import ChainError
-from ...chain_yaml import chain_from_text, find_chain_file
+from ...chain_file import chain_from_text, find_chain_file
+from ...errors import ChainError
 
 
 def chain_files(peers: dict, size: float) -> Iterator[Check]:

@@ -13,7 +13,7 @@ from typing import Callable, Iterator, Optional
 import numpy as np
 
 from . import Check
-from ...command_line import Mistake
+from ...errors import Mistake
 from ...recording.cdr import decode_joint_state, encode_float64_multi_array
 from ...recording.log_reader import read_log
 from ...recording.resimulation import resimulate

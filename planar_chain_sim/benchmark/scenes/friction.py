@@ -9,7 +9,7 @@ import numpy as np
 from . import Check, MuJoCoRun, one_joint
 from .stops import HOUR
 from ...chain import Chain
-from ...chain_yaml import chain_from_dict
+from ...chain_file import chain_from_dict
 from ...integrators import METHODS
 from ...simulation import Simulation
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from . import Check, energies, largest_rise, MuJoCoRun, total_energy
 from ...chain import Chain
-from ...chain_yaml import chain_from_dict
-from ...dynamics import SimulationError
+from ...chain_file import chain_from_dict
+from ...errors import SimulationError
 from ...integrators import METHODS as ROWS
 from ...simulation import Simulation
 

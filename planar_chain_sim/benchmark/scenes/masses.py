@@ -10,10 +10,12 @@ import numpy as np
 from . import Check, energies, REFUSED, sampled, total_energy
 from ..problems import uniform_rods
 from ..references import VirtualPower
-from ...chain import Body, Chain, Joint
-from ...dynamics import forward_dynamics, mass_matrix, SimulationError
+from ...chain import Chain
+from ...dynamics import forward_dynamics, mass_matrix
+from ...errors import SimulationError
 from ...integrators import METHODS
 from ...simulation import Simulation
+from ...tree import Body, Joint
 
 DIGITS = 50
 EPS = float(np.finfo(float).eps)

@@ -10,10 +10,11 @@ import numpy as np
 from . import by_mujoco, Check, energies, INTEGRATORS, largest_rise, MuJoCoRun, one_joint, sampled, total_energy
 from .masses import exact_acceleration, relative_error
 from ..problems import configured, uniform_rods
-from ...chain import Body, Chain, Joint
+from ...chain import Chain
 from ...dynamics import forward_dynamics, mass_matrix
 from ...integrators import METHODS
 from ...simulation import Simulation
+from ...tree import Body, Joint
 
 PENDULUM_TICK = 5e-3   # s
 PENDULUM_SAMPLES = 200

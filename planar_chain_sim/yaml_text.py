@@ -1,27 +1,18 @@
 """
-YAML -> Chain: the only file that knows YAML.
+YAML text <-> plain data: the only file that knows YAML.
 
 Scalars follow YAML 1.2's core rules, so `1e-3` is a number and `yes` is a string. Anchors, aliases, tags and keys given
-twice are refused, nesting is bounded, and a text of any size or content ends in a Chain or in one ChainError sentence.
+twice are refused, nesting is bounded, and a text of any size or content ends in data or in one ChainError sentence.
 """
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-import os
-from pathlib import Path
 import re
-import stat
-import sys
-from typing import Union
 
 import yaml
 from yaml import events
 
-from .chain import Chain, ChainError
-from .chain_checks import build_chain, data_of
-from .chain_section import clipped, LinedDict, MAX_DEPTH, MAX_ITEMS, MAX_KEYS, plain, suggestion
-from .hold import Hold, read_hold
-from .robot_file import refuse_other_formats
+from .chain_section import clipped, LinedDict, MAX_DEPTH, MAX_ITEMS, MAX_KEYS
+from .errors import ChainError
 
 LOADER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
 DUMPER = getattr(yaml, 'CSafeDumper', yaml.SafeDumper)
@@ -36,50 +27,18 @@ CONSTANTS = {'': None, '~': None, 'null': None, 'Null': None, 'NULL': None,
              **{word: float('nan') for word in ('.nan', '.NaN', '.NAN')}}
 
 
-def load_chain(path: Union[str, os.PathLike], hold: Hold = None) -> Chain:
-    """
-    Return the chain of a YAML file, or of a robot file (URDF, MJCF) of a planar robot.
-
-    A relative path is looked for in the working directory, then among the chains that come with the package (see
-    `find_chain_file`). `hold`: joints that are welded, see hold.py. ChainError, one sentence, for a file that cannot be
-    read or a chain that cannot be.
-    """
-    path = find_chain_file(path)
-    name = clipped(str(path), 400)
-    try:
-        mode = os.stat(path).st_mode
-        if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):   # a pipe would be waited for
-            raise OSError(0, 'Not a regular file')
-        with open(path, 'rb') as stream:
-            text = stream.read(MAX_BYTES + 1)
-    except (OSError, ValueError) as error:   # ValueError: a NUL in the path, in words that change with Python's version
-        reason = getattr(error, 'strerror', None) or 'its name holds a NUL'
-        raise ChainError(f'{name}: cannot be read ({reason}), must be a chain file in YAML') from None
-    if b'xacro' in text and text.lstrip().startswith(b'<'):
-        from .xacro_file import expanded
-        text = expanded(path, text, name)
-    return chain_from_text(text, name, hold)
+def data_from_text(text: str, name: str) -> LinedDict:
+    """Return the mapping that a YAML text is; ChainError, in which `name` stands for the text."""
+    refuse_unprintable(text, name)
+    return Composer(name).compose(text)
 
 
-def chain_from_text(text: Union[str, bytes], name: str = '<text>', hold: Hold = None) -> Chain:
-    """Return the chain of a text, YAML, URDF or MJCF (bytes: UTF-8); `name` is the file's in ChainError sentences."""
-    if len(text) > MAX_BYTES:
-        raise ChainError(f'{name}: is longer than {MAX_BYTES // 2**20} MiB, must be a chain file in YAML')
-    refuse_other_formats(text[:16], name)
-    if isinstance(text, bytes):
-        text = decoded(text, name)
+def refuse_unprintable(text: str, name: str) -> None:
+    """Raise ChainError for the first character that YAML does not allow."""
     strange = UNPRINTABLE.search(text)
     if strange:
         line = text.count('\n', 0, strange.start()) + 1
         raise ChainError(f'{name} line {line}: holds the character {strange.group()!r}, must be printable text')
-    if text.lstrip().startswith('<'):   # no YAML mapping does
-        from .robot_file import chain_from_robot_file
-        return chain_from_robot_file(text, name, read_hold(hold))
-    data = Composer(name).compose(text)
-    if hold:
-        data['hold'] = {**read_hold(data.get('hold')), **read_hold(hold)}
-        text = text_of(plain(data))
-    return build_chain(data, name, text)
 
 
 def decoded(data: bytes, name: str) -> str:
@@ -99,66 +58,9 @@ def decoded(data: bytes, name: str) -> str:
         raise ChainError(f'{name} line {line}: is not UTF-8 text, must be a chain file in YAML') from None
 
 
-def chain_from_dict(data: Mapping) -> Chain:
-    """
-    Return the chain of plain data with the keys of a chain file; numpy numbers and arrays and tuples are taken too.
-
-    `Chain.source` is a YAML text that loads back to the same bits. ChainError names the place by its path in the data.
-    """
-    data = plain(data)
-    if not isinstance(data, dict):
-        raise ChainError(f"the chain is of type {type(data).__name__}, must be a mapping with the key 'bodies'")
-    source = text_of(data)
-    if len(source) > MAX_BYTES:
-        raise ChainError(f'the text of the chain is longer than {MAX_BYTES // 2**20} MiB, must be shorter')
-    return build_chain(data, '', source)
-
-
 def text_of(data) -> str:
     """Return plain data as a YAML text that loads back to the same bits."""
     return yaml.dump(data, Dumper=PlainDumper, sort_keys=False, allow_unicode=True, default_flow_style=None, width=99)
-
-
-def own_text(chain: Chain, given: str) -> str:
-    """Return `given` where it is a text of this chain, number by number, else one that is; ChainError as data_of."""
-    if given:
-        try:
-            if repr(chain_from_text(given)) == repr(chain):
-                return given
-        except (ChainError, TypeError):   # TypeError: no text
-            pass
-    return text_of(data_of(chain))
-
-
-def find_chain_file(path: Union[str, os.PathLike]) -> Path:
-    """
-    Return where the chain file `path` is: an absolute path as it stands, a relative one in the first place that has it.
-
-    The places: the working directory, then the package's config folder (with or without a leading `config/`) in the
-    ament index, under `sys.prefix`, in the source tree. ChainError where none of them has it.
-    """
-    path = Path(path)
-    if path.is_absolute() or os.path.exists(path):
-        return path
-    name = path.relative_to('config') if path.parts[:1] == ('config',) else path
-    folders = list(config_folders())
-    for folder in folders:
-        if os.path.isfile(folder / name):
-            return folder / name
-    places = ', '.join(['the working directory', *map(str, folders)])
-    shipped = sorted({each.name for folder in folders for each in folder.glob('*.yaml')})
-    raise ChainError(f'{clipped(str(path), 400)}: was not found in {places}{suggestion(name.name, shipped)}, must be a '
-                     f'chain file in YAML; the package has {", ".join(shipped) or "none"}')
-
-
-def config_folders() -> Iterator[Path]:
-    """Yield the folders where the package's own chain files can lie: ament index, sys.prefix, source tree."""
-    package = __name__.partition('.')[0]
-    for prefix in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep):
-        if prefix and Path(prefix, 'share/ament_index/resource_index/packages', package).exists():
-            yield Path(prefix, 'share', package, 'config')
-    yield Path(sys.prefix, 'share', package, 'config')
-    yield Path(__file__).resolve().parents[1] / 'config'
 
 
 class Composer:

@@ -1,13 +1,11 @@
-"""LogError, and what a log needs that may not be installed."""
+"""The library that logs are written and read with, which may not be installed."""
 from __future__ import annotations
 
 from importlib.util import find_spec
 
+from ..errors import LogError
+
 NEEDED = ('mcap', 'lz4', 'zstandard')   # the latter two come with the first
-
-
-class LogError(Exception):
-    """A log that cannot be written or read: one sentence that names the file and the reason."""
 
 
 def require_mcap(path) -> None:

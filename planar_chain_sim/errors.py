@@ -1,0 +1,41 @@
+"""What went wrong and a user can put right: one sentence each."""
+from __future__ import annotations
+
+
+class Mistake(Exception):
+    """What a user can correct, in one sentence. Command lines write the sentence and exit with code 2."""
+
+
+class ChainError(Mistake, ValueError):
+    """A chain that cannot be: one sentence that says what is wrong, where, what was got and what was wanted."""
+
+
+class LogError(Mistake):
+    """A log that cannot be written or read: one sentence that names the file and the reason."""
+
+
+class SimulationError(Mistake, RuntimeError):
+    """
+    A motion that cannot go on: one sentence, and where it stopped.
+
+    `time` s, `tick`, `joint` and `body` (names), `position` and `velocity` (joints,): the last good state.
+    `time` and `tick` are None where there is no simulation. `reason`: 'singular', a configuration without inertia;
+    'not_finite', the state ran away; 'coarse' and 'too_long', the fixed step is too long; 'stalled', the steps have
+    become too short; 'endless_events', stops and friction follow one another without time going on.
+    """
+
+    def __init__(self, message, *, joint=None, body=None, time=None, tick=None, position=None, velocity=None,
+                 reason=None):
+        super().__init__(message)
+        self.reason = reason
+        self.joint, self.body, self.time, self.tick = joint, body, time, tick
+        self.position, self.velocity = position, velocity
+
+    @property
+    def ran_away(self) -> bool:
+        """Whether the numbers ran away, a divergence; else something else ended the motion."""
+        return self.reason in ('not_finite', 'coarse')
+
+
+class RobotFileNote(UserWarning):
+    """One line about a robot file that was read: joints, plane, gravity, and what is not used."""

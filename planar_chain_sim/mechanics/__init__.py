@@ -1,0 +1,1 @@
+"""A chain at one instant: forces, accelerations, energies, places."""

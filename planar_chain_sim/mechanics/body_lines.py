@@ -1,0 +1,29 @@
+"""The lines that draw the bodies of a chain at one position."""
+from __future__ import annotations
+
+import numpy as np
+
+from .body_poses import body_poses
+from ..chain import Chain
+from ..tree import BASE
+from ..visual import own_end
+
+
+def body_lines(chain: Chain, position) -> list:
+    """
+    Return for each body its segments (start, end), complex, m: from its joint point to what it carries.
+
+    Or as far as its `visual` says; a body that carries nothing ends as far beyond its mass centre as that lies from the
+    joint point. Position (joints,); ValueError: bad shape, non-finite value.
+    """
+    point, angle, _ = body_poses(chain, position)
+    points, turns = point @ (1.0, 1.0j), np.exp(1j * angle)
+    carried = [[] for _ in chain.bodies]
+    for body, place in zip(chain.bodies, points):
+        if body.carrier != BASE:
+            carried[body.carrier].append(place)
+    lines = []
+    for body, place, turn, outboard in zip(chain.bodies, points, turns, carried):
+        own = own_end(body) or ([] if outboard else [2.0 * body.center_of_mass])
+        lines.append([(place, end) for end in [place + end * turn for end in own] or outboard])
+    return lines
