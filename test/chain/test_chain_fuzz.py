@@ -1,8 +1,7 @@
 """Chain files: whatever the bytes are, a Chain or one ChainError sentence comes out, soon."""
-import time
-
 from hypothesis import given, settings, strategies as st
 from oracles.two_rods import rod, TWO_RODS
+from oracles.work import lines_run
 import pytest
 
 from planar_chain_sim import Chain, chain_from_dict, ChainError, load_chain
@@ -39,7 +38,7 @@ def test_any_bytes(data):
 
 @settings(max_examples=300, deadline=None)
 @given(st.integers(0, len(TWO_RODS)), st.integers(0, 12), st.lists(BITS_OF_YAML, max_size=4).map(''.join))
-def test_good_file_with_a_wound(start, length, patch):
+def test_good_file_with_a_damaged_part(start, length, patch):
     one_sentence_or_chain(chain_from_text, TWO_RODS[:start] + patch + TWO_RODS[start + length:])
 
 
@@ -63,9 +62,8 @@ def test_ten_megabytes_of_garbage_are_one_sentence_soon(tmp_path, random_bytes, 
     data = garbage.encode() if isinstance(garbage, str) else garbage
     data = random_bytes if garbage == 'random' else data * (MEGABYTES_10 // len(data))
     (tmp_path / 'garbage.yaml').write_bytes(data)
-    start = time.process_time()
-    assert one_sentence_or_chain(load_chain, tmp_path / 'garbage.yaml')
-    assert time.process_time() - start < 2.0
+    refusal, lines = lines_run(lambda: one_sentence_or_chain(load_chain, tmp_path / 'garbage.yaml'))
+    assert refusal and lines < 2000   # 800 at most: nothing is done for each byte or node
 
 
 @pytest.fixture(scope='module')
@@ -76,15 +74,15 @@ def random_bytes():
 
 
 def test_load_time_grows_with_the_number_of_bodies_not_its_square():
-    """4096 bodies take 0.5 s on a 2.5 GHz core; a look-up through all bodies for each body would take far longer."""
-    bodies = ''.join(f"""
+    """Twice the bodies, twice the work; a look-up through all bodies for each body would be four times the work."""
+    bodies = [f"""
   - name: link_{i}
     carrier: {f'link_{i - 1}' if i else 'base'}
     origin: [0.1, 0.0]
     mass: 0.01
     center_of_mass: [0.05, 0.0]
     inertia_com: 8.3e-6
-    rotation: {{joint: joint_{i}, damping: 0.001}}""" for i in range(4096))
-    start = time.process_time()
-    assert chain_from_text('bodies:' + bodies).joint_count == 4096
-    assert time.process_time() - start < 3.0
+    rotation: {{joint: joint_{i}, damping: 0.001}}""" for i in range(4096)]
+    assert chain_from_text('bodies:' + ''.join(bodies)).joint_count == 4096
+    few, many = (lines_run(lambda: chain_from_text('bodies:' + ''.join(bodies[:count])))[1] for count in (250, 500))
+    assert many < 2.1 * few

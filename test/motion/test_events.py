@@ -132,9 +132,8 @@ def test_a_stop_hit_at_100_rad_per_s_is_not_passed_and_gives_no_energy(method):
 def test_a_grazing_stop_is_seen_between_two_ticks():
     """Thrown up to 1 mm below, to, and 1 um above a stop with ticks of 0.1 s: the peak lies between two of them."""
     for beyond, touches in ((-1e-3, 0), (1e-6, 1), (1e-12, 1)):
-        top = 0.05 * 10.0 * 0.05**2 * 10.0
+        top = 0.5**2 / (2.0 * 10.0)   # the speed's square over twice the gravity
         chain = block(np.pi / 2, upper=top - beyond, velocity=0.5, restitution=0.5)
-        assert top == pytest.approx(0.0125)
         for method in ('taylor', 'rk4', 'dop853'):
             simulation = pcs.Simulation(chain, method, step=0.1)
             simulation.advance(2)
@@ -238,8 +237,8 @@ def test_order_of_convergence_survives_events(method, order, rates):
     for simulation in (reference, twin):
         simulation.advance(6)
     assert np.abs(twin.position - reference.position).max() < 1e-12
-    kinds = [event.kind for event in reference.take_events()]
-    assert set(kinds) == {'stop_touched', 'stop_left', 'stuck', 'slipped'} and len(kinds) == 27
+    events, others = ([(event.kind, event.joint) for event in run.take_events()] for run in (reference, twin))
+    assert events == others and {kind for kind, _ in events} == {'stop_touched', 'stop_left', 'stuck', 'slipped'}
     errors = []
     for rate in rates:
         simulation = pcs.Simulation(chain, method, 1.0 / rate)
