@@ -13,7 +13,7 @@ import planar_chain_sim as pcs
 
 UPRIGHT, REST = np.array([np.pi, 0.0]), np.zeros(2)
 STIFFNESS, DAMPING, PUMPING = 8.0, 6.0, 3.0     # of the elbow while it pumps: 1/s^2, 1/s, 1/(J s)
-CATCH, LOSE = 20.0, 1000.0                      # the LQR's cost to go below which it takes over, above which it gives up
+CATCH, LOSE = 20.0, 1000.0                      # cost to go x'Sx: the LQR takes over below, gives up above
 
 
 def from_upright(position):
