@@ -56,7 +56,7 @@ def workspaces(distribution, tmp_path_factory):
         shutil.copytree(distribution[1], folder / 'src' / NAME)
     builds = [colcon(folders[layout], 'build', *options) for layout, options in LAYOUTS.items()]
     for build in builds:
-        output, _ = build.communicate(timeout=600)
+        output, _ = build.communicate(timeout=1800)
         assert build.returncode == 0, output
         assert "doesn't explicitly install" not in output  # colcon adds a missing marker or package.xml, with a warning
     return folders
