@@ -23,7 +23,7 @@ _HOME = {
     'body_velocities': 'mechanics.body_poses', 'center_of_mass': 'mechanics.body_poses',
     'jacobian': 'mechanics.body_poses', 'momentum': 'mechanics.body_poses', 'reaction_forces': 'mechanics.body_poses',
     'BASE': 'tree', 'Body': 'tree', 'Chain': 'chain', 'Joint': 'tree',
-    'chain_from_dict': 'chain_file', 'load_chain': 'chain_file',
+    'chain_from_dict': 'chain_file', 'chain_from_text': 'chain_file', 'load_chain': 'chain_file',
     'energy': 'dynamics', 'forward_dynamics': 'dynamics', 'inverse_dynamics': 'dynamics', 'mass_matrix': 'dynamics',
     'equations': 'symbolic.equations',
     'METHODS': 'integrators',
@@ -32,6 +32,10 @@ _HOME = {
     'Interrupted': 'simulation',
     'ChainError': 'errors', 'SimulationError': 'errors',
     'Run': 'motion.rollout', 'rollout': 'motion.rollout',
+    'JointEvent': 'simulation', 'Wrench': 'loads',
+    'Log': 'recording.log', 'load_log': 'recording.log', 'LogError': 'errors',
+    'OfflineLog': 'recording.offline_log',
+    'urdf_of': 'urdf_writer',
 }
 __all__ = ['__version__', *_HOME]
 

@@ -84,9 +84,10 @@ class JointStateLayout:
             raise CdrError(f'stamp {nanoseconds} ns: its seconds do not fit into the int32 of ROS time') from None
         return self._message.tobytes()
 
-    def numbers_of(self, messages: Sequence[bytes]) -> np.ndarray:
-        """Return position, velocity and effort (messages, 3, joints) of messages that stamped() returned."""
-        return np.ndarray((len(messages), *self._shape), '<f8', b''.join(messages), self._start,
+    def numbers_of(self, messages) -> np.ndarray:
+        """Return position, velocity, effort (messages, 3, joints) of messages from stamped(), as bytes or as rows."""
+        memory = messages if isinstance(messages, np.ndarray) else b''.join(messages)
+        return np.ndarray((len(messages), *self._shape), '<f8', memory, self._start,
                           (self._message.size, *self._strides))
 
 

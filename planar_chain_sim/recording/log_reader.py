@@ -28,10 +28,10 @@ except ImportError:
     pass   # read_log() says so in words
 
 MAX_CHUNK_SIZE = 2 ** 26    # bytes after decompression; ours are 256 KiB, those of other tools a few MiB
+MESSAGE = Struct('<HIQQ')   # channel, sequence, log time, publish time: the head of a message
 
 _MAGIC = b'\x89MCAP0\r\n'
 _FRAME = Struct('<BQ')
-_MESSAGE = Struct('<HIQQ')
 
 
 class LogMessage(NamedTuple):
@@ -46,7 +46,7 @@ class LogMessage(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Log:
+class LogFile:
     """
     A log of this package.
 
@@ -61,10 +61,23 @@ class Log:
     @property
     def messages(self) -> Iterator[LogMessage]:
         """A fresh pass over the messages in file order; LogError at a place that cannot be read."""
-        return _messages(self.path)
+        for content, places, channels in self.blocks():
+            for start, end in places:
+                channel, sequence, log_time, publish_time = MESSAGE.unpack_from(content, start)
+                topic, type_name = channels[channel]
+                yield LogMessage(topic, type_name, log_time, publish_time, sequence, content[start + MESSAGE.size:end])
+
+    def blocks(self) -> Iterator[tuple[bytes, list, dict]]:
+        """
+        Yield chunk after chunk, for whoever reads many messages at once; LogError as `messages`.
+
+        That is its bytes, (start, end) of each message in it, which is a MESSAGE and its data, and channel -> (topic,
+        type name).
+        """
+        return _blocks(self.path)
 
 
-def read_log(path) -> Log:
+def read_log(path) -> LogFile:
     """
     Open a log and read all but its messages.
 
@@ -95,7 +108,7 @@ def read_log(path) -> Log:
         chain_text = attachments['chain.yaml'].decode()
     except UnicodeDecodeError:
         raise LogError(f"log {str(path)!r}: the attachment 'chain.yaml' is not UTF-8") from None
-    return Log(path, chain_text, metadata['planar_chain_sim'], complete)
+    return LogFile(path, chain_text, metadata['planar_chain_sim'], complete)
 
 
 def _open(path: Path):
@@ -149,7 +162,7 @@ def _attachment(path: Path, payload: bytes) -> records.Attachment:
     return attachment
 
 
-def _messages(path: Path) -> Iterator[LogMessage]:
+def _blocks(path: Path) -> Iterator[tuple[bytes, list, dict]]:
     schemas, channels = {}, {}   # schema id -> type name; channel id -> (topic, type name)
     with _open(path) as file:
         for opcode, start, length in _frames(file):
@@ -157,38 +170,41 @@ def _messages(path: Path) -> Iterator[LogMessage]:
                 return
             if opcode == Opcode.CHUNK:
                 chunk = _parse(path, records.Chunk, _payload(file, start, length))
-                yield from _read_records(path, start, _decompress(path, start, chunk), schemas, channels)
+                content = _decompress(path, start, chunk)
+                yield content, _read_records(path, start, content, schemas, channels), channels
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE):
-                frame = _FRAME.pack(opcode, length) + _payload(file, start, length)
-                yield from _read_records(path, start, frame, schemas, channels)
+                content = _FRAME.pack(opcode, length) + _payload(file, start, length)
+                yield content, _read_records(path, start, content, schemas, channels), channels
 
 
-def _read_records(path: Path, where: int, content: bytes, schemas: dict, channels: dict) -> Iterator[LogMessage]:
-    """Yield the messages of a chunk's content and learn its schemas and channels; LogError where it is damaged."""
+def _read_records(path: Path, where: int, content: bytes, schemas: dict, channels: dict) -> list:
+    """Return the places of the messages in a chunk and learn its schemas and channels; LogError where it is damaged."""
     not_whole = f'log {str(path)!r}: the chunk at byte {where} is damaged, a record in it is not whole'
-    start = 0
-    while start < len(content):
-        if start + _FRAME.size > len(content):
+    start, size, places, unpack, message = 0, len(content), [], _FRAME.unpack_from, int(Opcode.MESSAGE)
+    while start < size:
+        if start + _FRAME.size > size:
             raise LogError(not_whole)
-        opcode, length = _FRAME.unpack_from(content, start)
+        opcode, length = unpack(content, start)
         start += _FRAME.size
-        if opcode == 0 or start + length > len(content) or (opcode == Opcode.MESSAGE and length < _MESSAGE.size):
+        end = start + length
+        if opcode == 0 or end > size:
             raise LogError(not_whole)
-        if opcode == Opcode.MESSAGE:
-            channel_id, sequence, log_time, publish_time = _MESSAGE.unpack_from(content, start)
+        if opcode == message:
+            if length < MESSAGE.size:
+                raise LogError(not_whole)
+            channel_id = content[start] | content[start + 1] << 8
             if channel_id not in channels:
                 raise LogError(f'log {str(path)!r}: the chunk at byte {where} has a message of the unknown channel '
                                f'{channel_id}')
-            topic, type_name = channels[channel_id]
-            data = content[start + _MESSAGE.size:start + length]
-            yield LogMessage(topic, type_name, log_time, publish_time, sequence, data)
+            places.append((start, end))
         elif opcode == Opcode.SCHEMA:
-            schema = _parse(path, records.Schema, content[start:start + length])
+            schema = _parse(path, records.Schema, content[start:end])
             schemas[schema.id] = schema.name
         elif opcode == Opcode.CHANNEL:
-            channel = _parse(path, records.Channel, content[start:start + length])
+            channel = _parse(path, records.Channel, content[start:end])
             channels[channel.id] = (channel.topic, schemas.get(channel.schema_id, ''))
-        start += length
+        start = end
+    return places
 
 
 def _decompress(path: Path, where: int, chunk: records.Chunk) -> bytes:

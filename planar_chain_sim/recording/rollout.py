@@ -1,116 +1,21 @@
 """rollout: a chain, and efforts if wanted, to an MCAP log; no ROS graph, as fast as the machine goes."""
 from __future__ import annotations
 
-import json
 from pathlib import Path
 import sys
 from time import perf_counter
-from typing import Optional
 
-import numpy as np
-
-from .cdr import encode_string, JointStateLayout
 from .effort_table import by_joint, Efforts, read_efforts
-from .log_writer import COMPRESSIONS, LogWriter
-from .rosbag2_profile import Channel
-from .run_settings import settings_of
+from .log_writer import COMPRESSIONS
+from .offline_log import OfflineLog
 from ..chain_file import load_chain
 from ..chain_section import clipped
 from ..command_line import add_hold, catch_stop_signals, Parser, run_command, tell
-from ..errors import ChainError, Mistake, SimulationError
+from ..errors import ChainError, Mistake
 from ..integrators import METHODS
-from ..simulation import initial_state, Interrupted, JointEvent, Simulation, whole_ticks
+from ..simulation import initial_state, Interrupted, Simulation, whole_ticks
 
-STATE_TOPIC, EVENTS_TOPIC = '/joint_states', '/simulator/events'   # what the node would publish them on
-CHUNK = 1000   # ticks between two looks at the progress bar, at most
 LONGEST = 2.0**31   # s
-LONG = 0.1     # s of wall time, beyond which fewer ticks are made between two looks
-
-
-class OfflineLog:
-    """The log of a rollout: one state per tick, one event per change of effort; log time is simulated time."""
-
-    def __init__(self, path, simulation: Simulation, compression: str = 'none'):
-        self._step, self._held = simulation.step, np.zeros(simulation.chain.joint_count)
-        self._layout = JointStateLayout(simulation.chain.joint_names)
-        channels = [Channel(STATE_TOPIC, 'sensor_msgs/msg/JointState'), Channel(EVENTS_TOPIC, 'std_msgs/msg/String')]
-        self._writer = LogWriter(path, channels, {'chain.yaml': simulation.chain.source.encode()},
-                                 {'planar_chain_sim': settings_of(simulation, STATE_TOPIC, EVENTS_TOPIC)},
-                                 compression=compression)
-        self.write_state(simulation.tick, simulation.position, simulation.velocity, simulation.effort)
-        for body, (force, moment, axes) in simulation.wrenches.items():   # that act already
-            self._write_event(simulation.tick, 'wrench', body=body, force=[force.real, force.imag], moment=moment,
-                              axes=axes)
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *exception):
-        self._writer.close()
-
-    def write_state(self, tick: int, position, velocity, effort) -> None:
-        """Append the state (joints,) of a tick with the effort that acted over the tick before it."""
-        layout = self._layout
-        layout.position[:], layout.velocity[:], layout.effort[:] = position, velocity, effort
-        time = self._nanoseconds(tick)
-        self._writer.write(STATE_TOPIC, layout.stamped(time), time, time, tick)
-
-    def write_command(self, tick: int, effort) -> None:
-        """Append the event of a commanded effort (joints,) that acts from this tick on, if it differs from the last."""
-        if effort.tobytes() != self._held.tobytes():
-            self._held = effort.copy()
-            self._write_event(tick, 'command', effort=effort.tolist())
-
-    def write_joint_event(self, event: JointEvent) -> None:
-        """Append a stop touched or left, a joint stuck or slipped, at its time between two ticks."""
-        self._write_event(event.tick, event.kind, at=event.time, joint=event.joint, time=event.time, speed=event.speed)
-
-    def write_end(self, error: SimulationError) -> None:
-        """Append the event that ended the run: a divergence where the state ran away, else why it stopped."""
-        self._write_event(error.tick, 'divergence' if error.ran_away else 'stopped', message=str(error),
-                          reason=error.reason, joint=error.joint, body=error.body, time=error.time)
-
-    def _write_event(self, tick: int, kind: str, at: Optional[float] = None, **data) -> None:
-        time = self._nanoseconds(tick) if at is None else round(at * 1e9)
-        event = encode_string(json.dumps({'tick': tick, 'kind': kind, 'data': data}))
-        self._writer.write(EVENTS_TOPIC, event, time, time)
-
-    def _nanoseconds(self, tick: int) -> int:
-        return round(tick * self._step * 1e9)
-
-
-def roll_to_log(simulation: Simulation, ticks: int, effort: Optional[np.ndarray], log: OfflineLog,
-                show=lambda ticks: None) -> None:
-    """
-    Advance `ticks` ticks under `effort`, (joints,) held or (ticks, joints), into the log; `show(n)` after n more ticks.
-
-    SimulationError and Interrupted as Simulation.advance, after the ticks before it have been logged.
-    """
-    joints = simulation.chain.joint_count
-    held = np.zeros(joints) if effort is None else effort
-    position, velocity, acted = (np.empty((CHUNK, joints)) for _ in range(3))
-    start, chunk = 0, 1
-    while start < ticks:
-        began, failure, first = perf_counter(), None, simulation.tick
-        count = min(chunk, ticks - start)
-        rows = held[start:start + count] if held.ndim == 2 else np.broadcast_to(held, (count, joints))
-        try:
-            simulation.advance(count, rows, record=(position[:count], velocity[:count], acted[:count]))
-        except (SimulationError, Interrupted) as error:
-            failure = error
-        events = simulation.take_events()
-        for k in range(simulation.tick - first):
-            log.write_command(first + k, rows[k])
-            while events and events[0].tick <= first + k:
-                log.write_joint_event(events.pop(0))
-            log.write_state(first + k + 1, position[k], velocity[k], acted[k])
-        show(simulation.tick - first)
-        if isinstance(failure, SimulationError):
-            log.write_end(failure)
-        if failure:
-            raise failure
-        start, quick = start + count, perf_counter() - began < LONG
-        chunk = min(CHUNK, 2 * chunk) if quick else max(1, chunk // 2)
 
 
 def main(arguments=None) -> int:
@@ -161,7 +66,7 @@ def _rollout_to_file(arguments) -> int:
     with OfflineLog(path, simulation, options.compression) as log, tqdm(
             total=ticks, unit='tick', unit_scale=True, disable=None, leave=False) as bar:
         try:
-            roll_to_log(simulation, ticks, effort, log, bar.update)
+            log.advance(ticks, effort, bar.update)
         except Interrupted:
             raise KeyboardInterrupt(*stops[:1]) from None
     tell(f'{path}: {simulation.time:g} s simulated in {perf_counter() - began:.2f} s, {ticks + 1} states')

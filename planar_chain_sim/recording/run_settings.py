@@ -7,7 +7,7 @@ from platform import machine
 
 import numpy as np
 
-from .log_reader import Log
+from .log_reader import LogFile
 from .. import __version__, _kernel
 from ..chain_file import chain_from_text
 from ..errors import ChainError, LogError
@@ -28,7 +28,7 @@ def settings_of(simulation: Simulation, state_topic: str, events_topic: str) -> 
         'velocity': json.dumps([value.hex() for value in simulation.velocity.tolist()])}
 
 
-def simulation_of(log: Log) -> Simulation:
+def simulation_of(log: LogFile) -> Simulation:
     """Return the simulation a log begins with, at its start; LogError where the log's chain or settings make none."""
     settings = log.settings
     try:

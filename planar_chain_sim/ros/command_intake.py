@@ -87,7 +87,7 @@ class CommandIntake:
             if event:
                 self.held.renew(tick)
                 self.fresh.add(self._topics['commands'])
-                self._publication.tell_message(event)
+                self._publication.record_event(event)
                 return None
         acting, rejected, settled = [], {}, set()
         for place, (received, key, data) in enumerate(arrived if answers else reversed(arrived)):
@@ -160,8 +160,8 @@ class CommandIntake:
         """Count and tell that something on a topic has no effect: by a warning and an event a second at most."""
         self.ignored[reason] += 1
         if self._warn((topic, reason), sentence):
-            self._publication.event('ignored', topic=topic, reason=reason, message=sentence,
-                                    count=self.ignored[reason])
+            self._publication.publish_event('ignored', topic=topic, reason=reason, message=sentence,
+                                            count=self.ignored[reason])
 
     def _reject(self, topic: str, errors: list) -> None:
         """Count and tell what was refused on a topic, the newest first; of each reason one stands for all."""
@@ -169,5 +169,5 @@ class CommandIntake:
         for reason, count in Counter(error.reason for error in errors).items():
             error = next(error for error in errors if error.reason == reason)
             self.rejected[reason] += count
-            self._publication.event('rejected', topic=topic, reason=str(error), count=count)
+            self._publication.publish_event('rejected', topic=topic, reason=str(error), count=count)
             self._warn((topic, reason), f'{what} on {topic} rejected: {error}')

@@ -30,7 +30,7 @@ class LockstepSimulator(Simulator):
             while self._tick() and self._simulation.tick % self._publication.ticks_per_state:
                 pass
             return
-        if now >= self._repeat_due or not self._seen and self._publication.seen():
+        if now >= self._repeat_due or not self._seen and self._publication.has_listeners():
             self._show(record=False)
         self._report_silence(now)
         self._intake.wait(LONGEST_SLEEP)
@@ -43,7 +43,8 @@ class LockstepSimulator(Simulator):
             return
         answers.told = True
         names, _ = self._waiting_for()
-        self._publication.event('command_timeout', joints=list(names), seconds=waited)
+        self._publication.publish_event('command_timeout', joints=list(names), seconds=waited,
+                                        effort=self._held.effort.tolist())
         self._logger.warning(f'lockstep waits at tick {self._simulation.tick}: no command for '
                              f'{", ".join(names[:32])} within {waited:.3g} s')
 
@@ -57,7 +58,7 @@ class LockstepSimulator(Simulator):
         now, wall = monotonic_ns(), time_ns()  # before it is out: an answer may be here before this thread goes on
         super()._show(record, publish)
         if publish:
-            self._repeat_due, self._seen = now + REPEAT_PERIOD, self._publication.seen()
+            self._repeat_due, self._seen = now + REPEAT_PERIOD, self._publication.has_listeners()
             if record:
                 self._answers.await_for(self._pacing.stamp(self._simulation.tick), wall, now)
             else:

@@ -244,15 +244,15 @@ def load(node, values, stop):
 def create_simulation(chain, values):
     """Return the Simulation of the chain and the parameters, which are checked; ChainError where there can't be one."""
     from .simulator import payload_of
-    from ..changes import apply_change
     from ..quantities import changed_chain, QUANTITIES
+    from ..recording.events import apply_event
     from ..simulation import Simulation
     for name in QUANTITIES:
         if name in values:
             chain = changed_chain(chain, name, values[name])
     simulation = Simulation(chain, method=values['method'], step=1.0 / values['rate'],
                             tolerance=values['tolerance'] or None)
-    apply_change(simulation, 'payload', payload_of(values, simulation))
+    apply_event(simulation, 'payload', payload_of(values, simulation))
     return simulation
 
 

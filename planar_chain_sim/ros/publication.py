@@ -1,13 +1,11 @@
-"""What the tick thread tells: states, clock and events, published and recorded, the same bytes for both."""
+"""What the tick thread publishes and records: states, clock and events, the same bytes for both."""
 from __future__ import annotations
 
-import json
 from threading import get_ident
 from time import monotonic_ns
-from typing import Optional
 
-from ..recording.cdr import ClockLayout, encode_string, JointStateLayout
-
+from ..recording.cdr import ClockLayout, JointStateLayout
+from ..recording.events import encode_event
 
 SHORTEST_HOLD_UP = 20_000_000  # ns; a call of the middleware that takes longer counts as a hold-up
 
@@ -57,7 +55,8 @@ class Publication:
 
     `values`: the node's parameters. `publishers`: key of OUTPUTS -> publisher. `log`: BackgroundLogWriter or None.
     `outcome`: rows for Simulation.advance, so that the kernel writes a tick's outcome straight into the message.
-    `stamp`: ns, and `message`: bytes, of the state last shown. hold_ups: HoldUps, for all who publish here.
+    `stamp`: ns, and `message`: bytes, of the state last published or recorded. hold_ups: HoldUps, for all who publish
+    here.
     """
 
     def __init__(self, simulation, values, publishers, log, pacing):
@@ -73,21 +72,21 @@ class Publication:
         self.stamp, self.message, self._waiting = 0, b'', []
         self.ticks_per_state = round(values['rate'] / values['publish_rate'])
 
-    def lay_out(self) -> None:
-        """Put the simulation's state into the message, where no tick has just done so."""
+    def copy_state_into_message(self) -> None:
+        """Copy the simulation's state into the message, where no tick has just done so."""
         layout, simulation = self.layout, self._simulation
         layout.position[:], layout.velocity[:] = simulation.position, simulation.velocity
         layout.effort[:] = simulation.effort
 
-    def show(self, record: bool, publish: bool) -> None:
-        """Record and publish the laid out state, or one of both."""
+    def publish_state(self, record: bool, publish: bool) -> None:
+        """Record and publish the state in the message, or one of both."""
         tick = self._simulation.tick
         stamp = self._pacing.stamp(tick)
         self.message = data = self.layout.stamped(stamp)
         now = monotonic_ns()
         if publish:
             if self._clock:
-                self._tick_clock(stamp, record)
+                self._publish_clock(stamp, record)
             self._state.publish_raw(data)
             self.hold_ups.ended(now)
         if record and self._log:   # the others wait, the log does not
@@ -103,29 +102,20 @@ class Publication:
                 self.hold_ups.during(self._events.publish_raw, message)
         self._waiting.clear()
 
-    def _tick_clock(self, stamp: int, record: bool) -> None:
+    def _publish_clock(self, stamp: int, record: bool) -> None:
         """Publish the time before the state that bears it, so that no listener sees a state from the future."""
         data = self._clock_layout.stamped(stamp)
         self._clock.publish(data)
         if record and self._log:
             self._log.write(self._clock.topic_name, data, monotonic_ns() + self._wall_minus_steady, stamp)
 
-    def event(self, kind: str, **data) -> None:
-        """Publish an event of the present tick and record it."""
-        self.tell(kind, json.dumps(data))
+    def publish_event(self, kind: str, **data) -> None:
+        """Record an event of the present tick, a row of EVENTS, and publish it."""
+        self.record_event(encode_event(self._simulation.tick, kind, data))
         self.publish_events()
 
-    def tell(self, kind: str, data: str, tick: Optional[int] = None) -> None:
-        """
-        Record an event with its data in JSON, and publish it when the next state is out, which must not wait.
-
-        `tick`: the present one where None.
-        """
-        tick = self._simulation.tick if tick is None else tick
-        self.tell_message(encode_string('{"tick": %d, "kind": "%s", "data": %s}' % (tick, kind, data)))
-
-    def tell_message(self, message: bytes) -> None:
-        """Do as tell() does with an event that is encoded already."""
+    def record_event(self, message: bytes) -> None:
+        """Record an encoded event, and publish it when the next state is out, which must not wait."""
         self._waiting.append(message)
         if self._log:
             now = monotonic_ns() + self._wall_minus_steady
@@ -137,6 +127,6 @@ class Publication:
             now = monotonic_ns() + self._wall_minus_steady
             self._log.write(topic, data, now, source_time if source_time >= 0 else now)
 
-    def seen(self) -> bool:
+    def has_listeners(self) -> bool:
         """Tell whether anybody listens to the states."""
         return self._state.get_subscription_count() > 0

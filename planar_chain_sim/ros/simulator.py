@@ -8,7 +8,6 @@ with its tick.
 from __future__ import annotations
 
 from collections import deque
-import json
 from queue import Empty, SimpleQueue
 from threading import Thread
 from time import monotonic_ns, sleep, time_ns
@@ -17,10 +16,9 @@ from .command_intake import CommandIntake
 from .measurement import Meter
 from .pacing import LONGEST_LATENESS, Pacing, wake_punctually
 from .publication import Publication
-from .._kernel import json_list
-from ..changes import apply_change
 from ..errors import ChainError, SimulationError
 from ..quantities import QUANTITIES, to_json
+from ..recording.events import apply_event, encode_command, encode_joint_event, end_event
 from ..simulation import Interrupted
 
 LOOK_PERIOD = 20_000_000  # ns between two looks at who publishes commands and at the log
@@ -173,12 +171,13 @@ class Simulator:
         self._pacing.anchor(0, monotonic_ns())
         for name in QUANTITIES:
             if name in self._values:
-                self._publication.event('parameter', name=name, value=to_json(self._values[name]))
+                self._publication.publish_event('parameter', name=name, value=to_json(self._values[name]))
         if self._values['payload_mass']:
-            self._publication.event('payload', **payload_of(self._values, self._simulation), plan=self._simulation.plan)
+            self._publication.publish_event('payload', **payload_of(self._values, self._simulation),
+                                            plan=self._simulation.plan)
         if self._paused:
-            self._publication.event('pause')
-        self._publication.lay_out()
+            self._publication.publish_event('pause')
+        self._publication.copy_state_into_message()
         self._show(record=True)
         while not self._stopping:
             self._answer_requests()
@@ -248,7 +247,7 @@ class Simulator:
         """Catch up with lateness that the middleware has caused, however long; drop any other."""
         held_up = self.hold_ups.total - self._made_up
         if held_up > self._told_of:
-            self._publication.event('held_up', seconds=(held_up - self._told_of) * 1e-9)
+            self._publication.publish_event('held_up', seconds=(held_up - self._told_of) * 1e-9)
             self._warn('held up', f'the middleware held up publishing for {held_up * 1e-9:.3f} s, as happens when '
                        'others join; the node catches up with that, unless more lateness comes on top')
         self._told_of = held_up
@@ -259,7 +258,7 @@ class Simulator:
         """Give up what is too late to be caught up; the tick that is due is due now."""
         late = self._pacing.drop(self._simulation.tick + 1, now) * 1e-9
         self._meter.dropped(late)
-        self._publication.event('dropped_time', seconds=late)
+        self._publication.publish_event('dropped_time', seconds=late)
         self._warn('late', f'{late:.3f} s late and dropped, the machine cannot keep up')
 
     def _tick(self, publish: bool = False) -> bool:
@@ -272,9 +271,8 @@ class Simulator:
             self._tell_joint_events()
             self._end = error
             self._intake.fresh.clear()   # that came before
-            publication.event('divergence' if error.ran_away else 'stopped', message=str(error), reason=error.reason,
-                              joint=error.joint, body=error.body,
-                              time=error.time, position=error.position.tolist(), velocity=error.velocity.tolist())
+            kind, data = end_event(error)
+            publication.publish_event(kind, **data)
             self._logger.error(f'{error}; ~/reset goes on from the initial state')
             return False
         if self._has_joint_events:
@@ -286,11 +284,10 @@ class Simulator:
     def _tell_joint_events(self) -> None:
         """Tell of stops and of sticking, each at its time behind the tick before this one."""
         for event in self._simulation.take_events():
-            data = {'joint': event.joint, 'time': event.time, 'speed': event.speed}
-            self._publication.tell(event.kind, json.dumps(data), event.tick)
+            self._publication.record_event(encode_joint_event(event))
 
     def _show(self, record: bool, publish: bool = True) -> None:
-        self._publication.show(record, publish)
+        self._publication.publish_state(record, publish)
 
     def _latch(self) -> None:
         """Take the commands that have come, let joints that were commanded too long ago go, and tell of both."""
@@ -304,8 +301,8 @@ class Simulator:
             silent = self._held.expire(tick, timeout / self._simulation.step * (1.0 - 1e-12))
             if silent:
                 names = [self._simulation.chain.joint_names[joint] for joint in silent]
-                self._publication.event('command_timeout', joints=names, seconds=timeout,
-                                        effort=self._held.effort.tolist())
+                self._publication.publish_event('command_timeout', joints=names, seconds=timeout,
+                                                effort=self._held.effort.tolist())
                 self._warn('timeout', f'no command for {", ".join(names[:32])} within {timeout:g} s, '
                            'effort is zero now')
 
@@ -316,14 +313,13 @@ class Simulator:
             body, wrench = wrenches.popitem()
             if wrench != self._wrenches.get(body, dict(wrench, force=[0.0, 0.0], moment=0.0)):
                 self._wrenches[body] = wrench
-                apply_change(self._simulation, 'wrench', wrench)
+                apply_event(self._simulation, 'wrench', wrench)
                 self._meter.balance.push(body, wrench['force'], wrench['moment'])
-                self._publication.event('wrench', **wrench)
+                self._publication.publish_event('wrench', **wrench)
 
     def _tell_command(self, topic: str) -> None:
         """Tell the efforts that act from now on, which a command on `topic` has changed."""
-        # Up to once a tick, so written by hand: json.dumps takes as long as the whole motion. Floats are the same.
-        self._publication.tell('command', '{"topic": "%s", "effort": %s}' % (topic, json_list(self._held.effort)))
+        self._publication.record_event(encode_command(self._simulation.tick, topic, self._held.effort))
 
     def _look(self) -> None:
         """Look at what needs no look at every tick: is there still a controller, is there still a log."""
@@ -335,7 +331,7 @@ class Simulator:
         if self._held.commanded and not self._intake.commanded and self._values['on_controller_loss'] == 'zero':
             self._latch()  # its last words
             self._clear_commands()
-            self._publication.event('controller_loss', effort=self._held.effort.tolist())
+            self._publication.publish_event('controller_loss', effort=self._held.effort.tolist())
             self._logger.warning('the last publisher of commands has gone, efforts are zero now')
 
     def _look_at_log(self) -> None:
@@ -344,7 +340,7 @@ class Simulator:
         if trouble != self._log_trouble:
             self._log_trouble = trouble
             if trouble:
-                self._publication.event('log_failure', message=trouble)
+                self._publication.publish_event('log_failure', message=trouble)
                 self._logger.error(trouble)
         if self._log.error and self._values['on_log_failure'] == 'stop':
             raise self._log.error
@@ -367,15 +363,15 @@ class Simulator:
 
     def _reset(self) -> tuple[bool, str]:
         self.overruled += 1
-        apply_change(self._simulation, 'reset', {})
+        apply_event(self._simulation, 'reset', {})
         self._clear_commands()
         self._wrenches.clear()
         self._meter.balance.release()
         if self._end and not self._paused:
             self._pacing.anchor(self._simulation.tick, monotonic_ns())
         self._end = None
-        self._publication.event('reset')
-        self._publication.lay_out()
+        self._publication.publish_event('reset')
+        self._publication.copy_state_into_message()
         self._meter.begin(self._simulation)
         self._show(record=True)
         return True, f'initial state and zero efforts from tick {self._simulation.tick} on'
@@ -395,7 +391,7 @@ class Simulator:
         done, until = 0, monotonic_ns() + STEP_SLICE
         while done < ticks and (not done or monotonic_ns() < until) and not self._stopping:
             self._latch()
-            self._publication.event('step')
+            self._publication.publish_event('step')
             if not self._tick(publish=True):
                 return False, str(self._end)
             done += 1
@@ -409,7 +405,7 @@ class Simulator:
             self._paused, sentence = wanted, f'{state} from tick {tick} on'
             if not wanted:
                 self._pacing.anchor(tick, monotonic_ns())
-            self._publication.event('pause' if wanted else 'resume')
+            self._publication.publish_event('pause' if wanted else 'resume')
         if reset:
             self._reset()
         return True, sentence
@@ -424,7 +420,7 @@ class Simulator:
             if name == 'payload_mass':
                 kind, data = 'payload', payload_of({**self._values, name: value}, simulation)
             try:
-                apply_change(simulation, kind, data)
+                apply_event(simulation, kind, data)
             except ChainError as error:
                 if moving:
                     simulation.restore(before)
@@ -438,7 +434,7 @@ class Simulator:
         for kind, data in changes:
             if kind == 'payload':
                 data['plan'] = simulation.plan   # made anew
-            self._publication.event(kind, **data)
+            self._publication.publish_event(kind, **data)
         return True, f'{", ".join(values)}: from tick {simulation.tick} on'
 
     def _measure(self) -> tuple:

@@ -94,11 +94,10 @@ def _chain_and_state(options) -> tuple[Chain, Optional[tuple], str]:
         from ..recording.log_reader import read_log
         from ..recording.run_settings import simulation_of
         log = read_log(options.chain)
-        simulation = simulation_of(log)
-        chain = simulation.chain
         if options.time is not None:
-            time, *state = state_at(log, simulation, options.time)
-            return simulation.chain, tuple(state), f'at t = {time:g} s of {Path(options.chain).name}'
+            chain, time, *state = state_at(log, options.time)
+            return chain, tuple(state), f'at t = {time:g} s of {Path(options.chain).name}'
+        chain = simulation_of(log).chain
     else:
         chain = load_chain(options.chain, options.hold)
         if options.time is not None:

@@ -16,7 +16,6 @@ from planar_chain_sim import chain_from_dict, ChainError
 from planar_chain_sim.chain_file import chain_from_text
 from planar_chain_sim.plan import plan_of
 from planar_chain_sim.recording import resimulation
-from planar_chain_sim.recording.rollout import OfflineLog, roll_to_log
 
 CONFIGS = ('arczewski_example', 'cart_arm_telescope', 'double_pendulum', 'four_link_robot', 'seven_link_arm')
 CHAINS = [pcs.load_chain(f'{name}.yaml') for name in CONFIGS]
@@ -189,8 +188,8 @@ def test_log_of_a_chain_made_by_hand_is_computed_again_bit_for_bit(tmp_path, cap
     simulation = pcs.Simulation(pcs.Chain(moon.name, moon.gravity, moon.bodies, CHAINS[3].source))
     simulation.attach('forearm', 0.7, (0.2, 0.1))
     simulation.set_wrench('column', (1.0, -2.0), 0.3, 'world')
-    with OfflineLog(tmp_path / 'run.mcap', simulation) as log:
-        roll_to_log(simulation, 200, None, log)
+    with pcs.OfflineLog(tmp_path / 'run.mcap', simulation) as log:
+        log.advance(200)
     assert resimulation.main([str(tmp_path / 'run.mcap')]) == 0
     assert 'equal: 201 states' in capsys.readouterr().out
 

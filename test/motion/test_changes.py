@@ -1,17 +1,15 @@
 """Chains that change while they move: nothing but the change shows, a log runs again, and energy is balanced."""
 from dataclasses import replace
-import json
 from math import inf
 
 import numpy as np
 import pytest
 
 import planar_chain_sim as pcs
-from planar_chain_sim.changes import apply_change
 from planar_chain_sim.energy_balance import EnergyBalance, ROWS
 from planar_chain_sim.quantities import changed_chain, QUANTITIES, to_json
 from planar_chain_sim.recording import resimulation
-from planar_chain_sim.recording.rollout import OfflineLog
+from planar_chain_sim.recording.events import apply_event
 
 ROBOT = pcs.load_chain('four_link_robot.yaml')
 EFFORT = np.array([10.0, -1.0, 0.5, 0.2, -0.2])
@@ -67,14 +65,14 @@ def test_what_cannot_be_changed_is_refused_and_nothing_moves():
     with pytest.raises(ValueError, match="chain 'double_pendulum' has other joints than 'four_link_robot'"):
         simulation.replace_chain(pcs.load_chain('double_pendulum.yaml'))
     with pytest.raises(ValueError, match='has 1 values, must have 2'):
-        apply_change(simulation, 'parameter', {'name': 'gravity', 'value': [0.0]})
+        apply_event(simulation, 'parameter', {'name': 'gravity', 'value': [0.0]})
     assert simulation.chain is ROBOT and simulation.position.tobytes() == position.tobytes()
 
 
 def test_effort_limits_act_from_their_tick_on():
     simulation = pcs.Simulation(ROBOT)
     simulation.advance(1, EFFORT)
-    apply_change(simulation, 'parameter', {'name': 'effort_limit', 'value': [4.0, None, None, None, None]})
+    apply_event(simulation, 'parameter', {'name': 'effort_limit', 'value': [4.0, None, None, None, None]})
     assert simulation.effort[0] == 10.0
     simulation.advance(1, EFFORT)
     assert simulation.effort.tolist() == [4.0, *EFFORT[1:]]
@@ -82,20 +80,15 @@ def test_effort_limits_act_from_their_tick_on():
 
 @pytest.mark.parametrize('method', ['auto', 'rk4'])
 def test_a_log_with_changes_runs_again(tmp_path, capsys, method):
-    """As the node writes it: an event at the tick from which the change acts."""
     simulation, path = pcs.Simulation(ROBOT, method), tmp_path / 'run.mcap'
-    with OfflineLog(path, simulation) as log:
+    changes = {40: ('gravity', [0.0, -1.62]), 90: ('damping', SOFT), 160: ('effort_limit', [0.5, inf, 0.5, 0.5, 0.5]),
+               200: ('command_timeout', 0.5)}
+    with pcs.OfflineLog(path, simulation) as log:
         for tick in range(300):
-            changes = {40: ('gravity', [0.0, -1.62]), 90: ('damping', SOFT), 160: ('effort_limit', [0.5] * 5),
-                       200: ('command_timeout', 0.5)}
             if tick in changes:
                 name, value = changes[tick]
-                data = {'name': name, 'value': to_json(value) if name in QUANTITIES else value}
-                apply_change(simulation, 'parameter', json.loads(json.dumps(data)))
-                log._write_event(tick, 'parameter', **data)
-            log.write_command(tick, EFFORT)
-            simulation.advance(1, EFFORT)
-            log.write_state(tick + 1, simulation.position, simulation.velocity, simulation.effort)
+                log.change('parameter', name=name, value=value)
+            log.advance(1, EFFORT)
     assert resimulation.main([str(path)]) == 0, capsys.readouterr()
     assert 'equal: 301 states' in capsys.readouterr().out
 

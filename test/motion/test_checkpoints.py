@@ -9,10 +9,10 @@ import pytest
 
 import planar_chain_sim as pcs
 from planar_chain_sim import _kernel
-from planar_chain_sim.changes import apply_change
 from planar_chain_sim.integrators import method_data
 from planar_chain_sim.plan import plan_of
 from planar_chain_sim.quantities import changed_chain
+from planar_chain_sim.recording.events import apply_event
 
 TWO_RODS = pcs.load_chain('double_pendulum.yaml')
 ROBOT = pcs.load_chain('four_link_robot.yaml')
@@ -233,8 +233,8 @@ def test_a_copy_is_equal_and_independent(chain, method, copied):
     simulation.note = ['mine']
     effort = np.linspace(0.3, -0.2, chain.joint_count)
     simulation.advance(20, effort)
-    apply_change(simulation, 'payload', {'name': 'load', 'body': chain.bodies[-1].name, 'mass': 0.25,
-                                         'position': [0.1, 0.0], 'inertia_com': 0.0})
+    apply_event(simulation, 'payload', {'name': 'load', 'body': chain.bodies[-1].name, 'mass': 0.25,
+                                        'position': [0.1, 0.0], 'inertia_com': 0.0})
     simulation.set_wrench(chain.bodies[-1].name, (2.0, 1.0), 0.5, 'world')
     simulation.advance(20, effort)
     if pcs.METHODS[method].adaptive:

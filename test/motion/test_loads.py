@@ -1,6 +1,5 @@
 """Wrenches and payloads on a moving chain: the joint efforts that do the same work, in every method, and no more."""
 from dataclasses import replace
-import json
 
 import numpy as np
 from oracles.random_trees import random_state, random_tree
@@ -8,14 +7,12 @@ import pytest
 
 import planar_chain_sim as pcs
 from planar_chain_sim import _kernel
-from planar_chain_sim.changes import apply_change
 from planar_chain_sim.integrators import method_data
 from planar_chain_sim.loads import on_links, Wrench
 from planar_chain_sim.plan import plan_of
+from planar_chain_sim.recording.events import apply_event
 from planar_chain_sim.recording.log_reader import read_log
 from planar_chain_sim.recording.resimulation import resimulate
-from planar_chain_sim.recording.rollout import OfflineLog
-from planar_chain_sim.recording.run_settings import simulation_of
 from planar_chain_sim.symbolic.logged_state import state_at
 from planar_chain_sim.tree import BASE, Body
 
@@ -160,7 +157,7 @@ def test_a_wrench_is_held_replaced_and_taken_away():
     simulation.set_wrench('column')
     assert not simulation.wrenches and simulation.acceleration.tobytes() == rest.tobytes()
     simulation.set_wrench('forearm', (1.0, 1.0))
-    apply_change(simulation, 'reset', {})
+    apply_event(simulation, 'reset', {})
     assert not simulation.wrenches
 
 
@@ -355,50 +352,46 @@ def test_an_arm_that_friction_held_slips_under_its_payload():
 def test_changes_of_a_log_do_the_same():
     direct, changed = pcs.Simulation(ROBOT), pcs.Simulation(ROBOT)
     direct.set_wrench('forearm', (1.0, 2.0), 0.5)
-    apply_change(changed, 'wrench', {'body': 'forearm', 'force': [1.0, 2.0], 'moment': 0.5, 'axes': 'body'})
+    apply_event(changed, 'wrench', {'body': 'forearm', 'force': [1.0, 2.0], 'moment': 0.5, 'axes': 'body'})
     direct.attach('forearm', 0.5, (0.1, 0.0), 0.01)
     data = {'name': 'payload', 'body': 'forearm', 'mass': 0.5, 'position': [0.1, 0.0], 'inertia_com': 0.01}
-    apply_change(changed, 'payload', data)
+    apply_event(changed, 'payload', data)
     for simulation in (direct, changed):
         simulation.advance(30)
     assert direct.position.tobytes() == changed.position.tobytes()
     with pytest.raises(ValueError):
-        apply_change(changed, 'payload', {**data, 'mass': -1.0})
+        apply_event(changed, 'payload', {**data, 'mass': -1.0})
     assert changed.payloads == ('payload',) and changed.chain == direct.chain
     direct.drop()
     direct.attach('forearm', 0.75, (0.1, 0.0), 0.01)
-    apply_change(changed, 'payload', {**data, 'mass': 0.75})
+    apply_event(changed, 'payload', {**data, 'mass': 0.75})
     assert changed.chain == direct.chain
     for _ in range(2):   # the second time there is none to drop
-        apply_change(changed, 'payload', {**data, 'mass': 0.0})
+        apply_event(changed, 'payload', {**data, 'mass': 0.0})
         assert changed.chain == ROBOT
 
 
 @pytest.mark.parametrize('method', ['auto', 'rk4'])
 def test_a_log_with_loads_runs_again_and_knows_the_chain_of_each_tick(tmp_path, method):
-    """As the node writes it: an event at the tick from which the change acts."""
     simulation, path = pcs.Simulation(ROBOT, method), tmp_path / 'run.mcap'
     payload = {'name': 'payload', 'body': 'forearm', 'mass': 0.5, 'position': [0.1, 0.0], 'inertia_com': 0.01}
     changes = {40: ('wrench', {'body': 'column', 'force': [1.0, -2.0], 'moment': 0.3, 'axes': 'body'}),
                90: ('payload', payload), 120: ('wrench', {'body': 'forearm', 'force': [0.0, 4.0], 'axes': 'world'}),
                160: ('payload', {**payload, 'mass': 0.0}), 200: ('reset', {})}
     accelerations = {}
-    with OfflineLog(path, simulation) as log:
+    with pcs.OfflineLog(path, simulation) as log:
         for tick in range(240):
             if tick in changes:
                 kind, data = changes[tick]
-                apply_change(simulation, kind, json.loads(json.dumps(data)))
-                log._write_event(tick, kind, **data)
-            simulation.advance(1)
+                log.change(kind, **data)
+            log.advance(1)
             accelerations[tick + 1] = simulation.acceleration
-            log.write_state(tick + 1, simulation.position, simulation.velocity, simulation.effort)
     read = read_log(path)
     assert resimulate(read).difference is None
     for tick in (20, 41, 91, 130, 170, 230):
-        start = simulation_of(read)
-        _, position, velocity, effort = state_at(read, start, tick * 1e-3)
-        assert len(start.chain.bodies) == (5 if tick in (91, 130) else 4)
-        acceleration = pcs.forward_dynamics(start.chain, position, velocity, effort)
+        chain, _, position, velocity, effort = state_at(read, tick * 1e-3)
+        assert len(chain.bodies) == (5 if tick in (91, 130) else 4)
+        acceleration = pcs.forward_dynamics(chain, position, velocity, effort)
         np.testing.assert_allclose(acceleration, accelerations[tick], rtol=1e-9, atol=1e-9)
 
 

@@ -79,7 +79,7 @@ def odd_arguments(random, name):
 def test_odd_arguments_by_the_hundred(name, folder, monkeypatch, capsys):
     """In one process: 0 and a result, or 2 and one sentence. What was refused leaves no file."""
     monkeypatch.chdir(folder)
-    monkeypatch.setattr(rollout, 'roll_to_log', lambda *arguments: None)    # 1e9 s would take a while
+    monkeypatch.setattr(pcs.OfflineLog, 'advance', lambda *arguments: None)    # 1e9 s would take a while
     monkeypatch.setattr(pictures, 'draw_motion', lambda chain, run, path: None)
     random, refused, kept = Random(name), 0, set(folder.iterdir())
     for _ in range(400):
@@ -179,7 +179,7 @@ def test_a_bug_shows_its_traceback_and_is_no_difference(error, folder, monkeypat
     monkeypatch.chdir(folder)
     for module, name, arguments in (
             (resimulation, 'resimulate', ['run.mcap']), (rollout, 'Simulation', [ROBOT]),
-            (equations, 'equations', [ROBOT]), (rollout, 'roll_to_log', [ROBOT, '--output', 'b'])):
+            (equations, 'equations', [ROBOT]), (rollout, 'OfflineLog', [ROBOT, '--output', 'b'])):
         if isinstance(error, (ValueError, KeyError)) and name == 'Simulation':
             continue     # how it says that an argument is wrong
         with monkeypatch.context() as patch:

@@ -105,24 +105,13 @@ def test_reset_and_repeated_events_act_at_their_tick(tmp_path, capsys):
     chain = pcs.load_chain(ROBOT)
     simulation = pcs.Simulation(chain)
     path = tmp_path / 'live.mcap'
-    start = simulation.position, simulation.velocity
-    with rollout.OfflineLog(path, simulation) as log:
-        def state():
-            log.write_state(simulation.tick, simulation.position, simulation.velocity, simulation.effort)
-        effort = np.zeros(5)                                      # one array that is written again and again
+    with pcs.OfflineLog(path, simulation) as log:
         for k in range(50):
-            effort[:] = 0.1 * k - 1.0
-            log.write_command(simulation.tick, effort)            # overtaken at the same tick by the next
-            effort += 1.0
-            log.write_command(simulation.tick, effort)
-            simulation.advance(1, effort)
-            state()
-        log._write_event(49, 'pause')                             # no matter when: it moves nothing
-        log._write_event(50, 'reset')
-        simulation.set_state(*start)
-        state()
-        simulation.advance(1)
-        state()
+            log._write_command(simulation.tick, np.full(5, 0.1 * k - 1.0))   # overtaken at the same tick by the next
+            log.advance(1, np.full(5, 0.1 * k))
+        log._write_event(49, 'pause', {})                         # no matter when: it moves nothing
+        log.change('reset')
+        log.advance(1)
     assert resimulation.main([str(path)]) == 0
     assert capsys.readouterr().out == 'equal: 53 states over 51 ticks, bit for bit\n'
     # without the reset the same states cannot come about
@@ -136,8 +125,8 @@ def test_ticks_beyond_32_bits_are_followed(tmp_path, capsys):
     simulation = pcs.Simulation(pcs.load_chain(ROBOT))
     simulation.restore(replace(simulation.checkpoint(), tick=2**32 - 2))
     path = tmp_path / 'late.mcap'
-    with rollout.OfflineLog(path, simulation) as log:
-        rollout.roll_to_log(simulation, 4, None, log)
+    with pcs.OfflineLog(path, simulation) as log:
+        log.advance(4)
     assert [message.sequence for message in read_log(path).messages] == [2**32 - 2, 2**32 - 1, 0, 1, 2]
     assert resimulation.main([str(path)]) == 0
     assert capsys.readouterr().out == f'equal: 5 states over {2**32 + 2} ticks, bit for bit\n'

@@ -46,8 +46,8 @@ def test_a_signal_ends_the_run_and_closes_the_log(tmp_path, number):
 
 def test_progress_is_shown_tick_by_tick_in_the_end(tmp_path):
     simulation, shown = pcs.Simulation(pcs.load_chain(ROBOT)), []
-    with rollout.OfflineLog(tmp_path / 'run.mcap', simulation) as log:
-        rollout.roll_to_log(simulation, 2500, None, log, shown.append)
+    with pcs.OfflineLog(tmp_path / 'run.mcap', simulation) as log:
+        log.advance(2500, progress=shown.append)
     assert sum(shown) == 2500 and max(shown) <= 1000 and len(shown) > 3
 
 

@@ -9,7 +9,6 @@ from printed import from_latex, from_text
 import pytest
 
 import planar_chain_sim as pcs
-from planar_chain_sim.recording.rollout import OfflineLog, roll_to_log
 from planar_chain_sim.symbolic.command_line import main
 from planar_chain_sim.symbolic.contributions import contributions
 
@@ -27,8 +26,8 @@ def log(tmp_path_factory):
     """Return a log of the four-link robot over half a second under a held effort."""
     simulation = pcs.Simulation(pcs.load_chain('four_link_robot.yaml'))
     path = tmp_path_factory.mktemp('log') / 'swing.mcap'
-    with OfflineLog(path, simulation) as writer:
-        roll_to_log(simulation, 500, np.array([3.0, 1.0, 0.5, 0.0, -0.2]), writer)
+    with pcs.OfflineLog(path, simulation) as log:
+        log.advance(500, [3.0, 1.0, 0.5, 0.0, -0.2])
     return path
 
 

@@ -1,0 +1,185 @@
+"""OfflineLog: a run without ROS as a log, which `resimulate`, load_log and rosbag2 read like one of the node."""
+from __future__ import annotations
+
+import json
+from time import perf_counter
+from typing import Callable
+
+import numpy as np
+
+from .cdr import JointStateLayout
+from .events import apply_event, encode_command, encode_event, encode_joint_event, end_event, EVENTS
+from .log_writer import LogWriter
+from .rosbag2_profile import Channel
+from .run_settings import settings_of
+from ..dynamics import joint_array
+from ..errors import SimulationError
+from ..quantities import QUANTITIES, to_json
+from ..simulation import Interrupted, Simulation
+
+STATE_TOPIC, EVENTS_TOPIC = '/joint_states', '/simulator/events'   # what the node would publish them on
+CHUNK = 1000   # ticks between two calls of `progress`, at most
+LONG = 0.1     # s of wall time, beyond which fewer ticks are made between two calls
+
+
+class OfflineLog:
+    """
+    Logs `simulation` into the new MCAP file `path`: move it with advance() and change it with change(), both logged.
+
+    The log begins at the simulation's present tick and state, with its wrenches and payloads. Its state is set anew
+    there, so that the run can be computed again from the log alone: hidden round-off terms are cleared. Log time is
+    simulated time. `compression`: 'none', 'lz4' or 'zstd'. LogError: the file exists or cannot be written, also later.
+    ValueError: a simulation that is between two ticks.
+
+    A context manager; close() finishes the file. Example:
+
+        with pcs.OfflineLog('swing.mcap', simulation) as log:
+            log.advance(1000, effort=[1.0, 0.0])
+            log.change('wrench', body='forearm', force=[5.0, 0.0])
+            log.advance(1000)
+    """
+
+    def __init__(self, path, simulation: Simulation, compression: str = 'none'):
+        self._simulation, joints = simulation, simulation.chain.joint_count
+        if simulation.time != simulation.tick * simulation.step:
+            raise ValueError(f'the simulation is at t = {simulation.time!r} s, between two ticks, must be at one')
+        self._step, self._held = simulation.step, np.zeros(joints)
+        self._layout = JointStateLayout(simulation.chain.joint_names)
+        channels = [Channel(STATE_TOPIC, 'sensor_msgs/msg/JointState'), Channel(EVENTS_TOPIC, 'std_msgs/msg/String')]
+        self._writer = LogWriter(path, channels, {'chain.yaml': simulation.own_chain.source.encode()},
+                                 {'planar_chain_sim': settings_of(simulation, STATE_TOPIC, EVENTS_TOPIC)},
+                                 compression=compression)
+        simulation.set_state(simulation.position, simulation.velocity)
+        self._write_state(simulation.tick, simulation.position, simulation.velocity, np.zeros(joints))
+        self._write_loads()
+
+    def __enter__(self) -> 'OfflineLog':
+        return self
+
+    def __exit__(self, *exception) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Finish the file; LogError where that fails."""
+        self._writer.close()
+
+    def advance(self, ticks: int, effort=None, progress: Callable[[int], None] = lambda ticks: None) -> None:
+        """
+        Advance `ticks` ticks under `effort`, N m or N: (joints,) is held, (ticks, joints) a row per tick, None zero.
+
+        Each state is logged, each change of effort, and what happens at joints. `progress(n)` is called after n more
+        ticks. ValueError, SimulationError and Interrupted as Simulation.advance; the ticks before are in the log.
+        """
+        simulation, joints = self._simulation, self._held.size
+        held = self._checked_effort(ticks, effort)
+        self._check_tick()
+        position, velocity, acted = (np.empty((CHUNK, joints)) for _ in range(3))
+        start, chunk = 0, 1
+        while start < ticks:
+            began, failure, first = perf_counter(), None, simulation.tick
+            count = min(chunk, ticks - start)
+            rows = held[start:start + count] if held.ndim == 2 else np.broadcast_to(held, (count, joints))
+            try:
+                simulation.advance(count, rows, record=(position[:count], velocity[:count], acted[:count]))
+            except (SimulationError, Interrupted) as error:
+                failure = error
+            events = simulation.take_events()
+            for k in range(simulation.tick - first):
+                self._write_command(first + k, rows[k])
+                while events and events[0].tick <= first + k:
+                    event = events.pop(0)   # at its time between two ticks
+                    self._write_message(encode_joint_event(event), round(event.time * 1e9))
+                self._write_state(first + k + 1, position[k], velocity[k], acted[k])
+            progress(simulation.tick - first)
+            if isinstance(failure, SimulationError):
+                self._write_event(failure.tick, *end_event(failure))
+            if failure:
+                raise failure
+            start, quick = start + count, perf_counter() - began < LONG
+            chunk = min(CHUNK, 2 * chunk) if quick else max(1, chunk // 2)
+
+    def change(self, kind: str, **data) -> None:
+        """
+        Change the simulation at its present tick and log that.
+
+        Kinds and their data: 'reset'; 'state' (position, velocity); 'parameter' (name: gravity, damping or
+        effort_limit; value, a list); 'wrench' (body, force, moment, axes); 'payload' (name, body, mass, position,
+        inertia_com; a mass of 0 removes it). What a wrench or a payload lacks is as in Simulation.set_wrench and
+        Simulation.attach. ValueError, and nothing is changed: another kind, data that cannot be.
+        """
+        kinds = [name for name, row in EVENTS.items() if row.apply]
+        if kind not in kinds:
+            raise ValueError(f'the change is {kind!r}, must be one of {", ".join(map(repr, kinds))}')
+        row, simulation = EVENTS[kind], self._simulation
+        strange = [key for key in data if key not in row.keys]
+        if strange:
+            raise ValueError(f'the change {kind!r} has {strange[0]!r}, must have {", ".join(row.keys) or "no data"}')
+        self._check_tick()
+        data = {**row.defaults, **json.loads(json.dumps(data, default=_plain))}   # as whoever reads the log has it
+        if kind == 'parameter' and data.get('name') in QUANTITIES and isinstance(data.get('value'), list):
+            data['value'] = to_json(data['value'])
+        before = simulation.position.tobytes(), simulation.velocity.tobytes()
+        apply_event(simulation, kind, data)
+        if 'plan' in row.keys:
+            data['plan'] = simulation.plan
+        self._write_event(simulation.tick, kind, data)
+        if kind == 'reset':
+            self._held = np.zeros_like(self._held)
+        if before != (simulation.position.tobytes(), simulation.velocity.tobytes()):
+            self._write_state(simulation.tick, simulation.position, simulation.velocity, simulation.effort)
+
+    def _checked_effort(self, ticks: int, effort) -> np.ndarray:
+        """Return efforts as float64, (joints,) or (ticks, joints); ValueError."""
+        if not isinstance(ticks, (int, np.integer)) or isinstance(ticks, bool) or ticks < 0:
+            raise ValueError(f'ticks is {ticks!r}, must be a whole number >= 0')
+        joints = self._held.size
+        if effort is None:
+            return np.zeros(joints)
+        return joint_array('effort', effort, (ticks, joints) if np.ndim(effort) == 2 else (joints,))
+
+    def _check_tick(self) -> None:
+        """Raise ValueError where the simulation was moved but not logged."""
+        if self._simulation.time != self._tick * self._step:
+            raise ValueError(f'the simulation is at t = {self._simulation.time!r} s and its log at tick {self._tick}, '
+                             'must be moved by advance() of the log')
+
+    def _write_loads(self) -> None:
+        """Log the payloads and wrenches that act already."""
+        simulation = self._simulation
+        bodies = simulation.chain.bodies
+        for body in bodies[len(bodies) - len(simulation.payloads):]:
+            self._write_event(simulation.tick, 'payload', {
+                'name': body.name, 'body': bodies[body.carrier].name, 'mass': body.mass,
+                'position': [body.origin.real, body.origin.imag], 'inertia_com': body.inertia, 'plan': simulation.plan})
+        for body, (force, moment, axes) in simulation.wrenches.items():
+            self._write_event(simulation.tick, 'wrench', {
+                'body': body, 'force': [force.real, force.imag], 'moment': moment, 'axes': axes})
+
+    def _write_state(self, tick: int, position, velocity, effort) -> None:
+        """Append the state (joints,) of a tick with the effort that acted over the tick before it."""
+        layout, self._tick = self._layout, tick
+        layout.position[:], layout.velocity[:], layout.effort[:] = position, velocity, effort
+        time = self._nanoseconds(tick)
+        self._writer.write(STATE_TOPIC, layout.stamped(time), time, time, tick)
+
+    def _write_command(self, tick: int, effort) -> None:
+        """Append the event of a commanded effort (joints,) that acts from this tick on, if it differs from the last."""
+        if effort.tobytes() != self._held.tobytes():
+            self._held = effort.copy()
+            self._write_message(encode_command(tick, '', self._held), self._nanoseconds(tick))
+
+    def _write_event(self, tick: int, kind: str, data: dict) -> None:
+        self._write_message(encode_event(tick, kind, data), self._nanoseconds(tick))
+
+    def _write_message(self, event: bytes, time: int) -> None:
+        self._writer.write(EVENTS_TOPIC, event, time, time)
+
+    def _nanoseconds(self, tick: int) -> int:
+        return round(tick * self._step * 1e9)
+
+
+def _plain(value):
+    """Return what json.dumps cannot write, a NumPy array or number, as plain data."""
+    if isinstance(value, (np.ndarray, np.generic)):
+        return value.tolist()
+    raise ValueError(f'{value!r:.80} cannot be written as JSON')
