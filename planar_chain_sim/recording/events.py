@@ -26,7 +26,7 @@ class Kind(NamedTuple):
 
     `apply`: changes a simulation at its present tick by this data, ValueError where that cannot be; None for a kind
     that leaves the simulation alone. `defaults`: of keys that such data may lack. A key `effort` holds the efforts
-    (joints,), N m or N, that act from this tick on.
+    (joints,), N m or N, that act from this tick on, or None where they stay.
     """
 
     by: str
@@ -96,7 +96,7 @@ EVENTS = {
                     'A message, or a part of it, has no effect; `count` is for this reason since the start.'),
     'controller_loss': Kind(NODE, ('effort',), 'The last publisher of commands has gone, efforts are zero.'),
     'command_timeout': Kind(NODE, ('joints', 'seconds', 'effort'),
-                            'No command for `joints` in this time: their efforts are zero; in lockstep time waits.'),
+                            'No command for `joints` in this time: their efforts are zero (null: lockstep waits).'),
     'dropped_time': Kind(NODE, ('seconds',), 'The machine could not keep up; this wall time is not caught up with.'),
     'held_up': Kind(NODE, ('seconds',), 'The middleware blocked publishing; the node catches up with that.'),
     'divergence': Kind(BOTH, END, 'The state ran away; the motion ended at this last good state.'),

@@ -71,5 +71,5 @@ class Following:
             apply_event(self.simulation, kind, data)
         if kind == 'reset':
             self.effort = np.zeros_like(self.effort)
-        if 'effort' in EVENTS[kind].keys and 'effort' in data:
+        if 'effort' in EVENTS[kind].keys and data.get('effort') is not None:
             self.effort = joint_array('effort', data['effort'], self.effort.shape).copy()

@@ -43,8 +43,7 @@ class LockstepSimulator(Simulator):
             return
         answers.told = True
         names, _ = self._waiting_for()
-        self._publication.publish_event('command_timeout', joints=list(names), seconds=waited,
-                                        effort=self._held.effort.tolist())
+        self._publication.publish_event('command_timeout', joints=list(names), seconds=waited, effort=None)
         self._logger.warning(f'lockstep waits at tick {self._simulation.tick}: no command for '
                              f'{", ".join(names[:32])} within {waited:.3g} s')
 
