@@ -1,5 +1,6 @@
 """What every test run needs before any test module is imported."""
 from importlib.machinery import EXTENSION_SUFFIXES
+from importlib.util import find_spec
 import os
 from pathlib import Path
 import signal
@@ -7,7 +8,11 @@ import socket
 import sys
 import tempfile
 
+import pytest
+
 ROOT = Path(__file__).resolve().parent.parent
+HAS_ROS = find_spec('rclpy') is not None
+collect_ignore = [] if HAS_ROS else ['ros']   # its modules import rclpy
 
 
 def free_domain():
@@ -39,3 +44,18 @@ os.environ['ROS_DOMAIN_ID'] = str(domain)
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 os.environ['ROS_LOG_DIR'] = log_folder.name
 os.environ.pop('ROS_LOCALHOST_ONLY', None)  # deprecated, but it would win
+
+
+def pytest_report_header():
+    """Say what is left out."""
+    return None if HAS_ROS else 'no rclpy: test/ros is left out, and tests marked ros are skipped'
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """Mark all of test/ros, before `-m` selects by marks."""
+    for item in items:
+        if ROOT / 'test' / 'ros' in item.path.parents:
+            item.add_marker('ros')
+        elif not HAS_ROS and item.get_closest_marker('ros'):
+            item.add_marker(pytest.mark.skip(reason='needs rclpy'))

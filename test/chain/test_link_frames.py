@@ -90,9 +90,9 @@ def test_transforms_make_one_tree_of_all_links(urdf):
         np.testing.assert_allclose(transform.shift, wanted[:3, 3], atol=1e-12)
 
 
+@pytest.mark.ros
 def test_markers_lie_on_the_links_in_whatever_frame_is_named(urdf):
     """Oracle: a body's line begins at its link's origin, seen from the frame that is named, by another library."""
-    pytest.importorskip('visualization_msgs.msg')
     from planar_chain_sim.ros.markers import marker_array
     frames = LinkFrames(urdf)
     for seed, frame in enumerate([*frames.links, '', 'nobody']):
@@ -110,8 +110,8 @@ def test_markers_lie_on_the_links_in_whatever_frame_is_named(urdf):
             np.testing.assert_allclose(start, wanted, atol=1e-12)
 
 
+@pytest.mark.ros
 def test_markers_in_base_link_are_flat_and_in_world_upright():
-    pytest.importorskip('visualization_msgs.msg')
     from planar_chain_sim.ros.markers import marker_array
     chain = pcs.load_chain('four_link_robot.yaml')
     frames = LinkFrames(urdf_of(chain))
@@ -139,8 +139,8 @@ def test_quaternions_of_every_turn():
         assert w >= 0.0
 
 
+@pytest.mark.ros
 def test_tf_messages_say_the_same():
-    pytest.importorskip('geometry_msgs.msg')
     from planar_chain_sim.ros.transforms import stamped
     frames = LinkFrames(urdf_of(pcs.load_chain('double_pendulum.yaml')))
     static, = stamped(frames.fixed(), 2_000_000_001)

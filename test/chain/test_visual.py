@@ -40,24 +40,37 @@ def test_what_is_no_look_is_one_sentence(visual, sentence):
     assert f"body 'a' {sentence}" in str(refusal.value)
 
 
-@pytest.mark.parametrize('color, wanted', [
+each_colour = pytest.mark.parametrize('color, wanted', [
     ([0.1, 0.2, 0.3], (0.1, 0.2, 0.3, 1.0)), ([1, 0, 0, 0.5], (1.0, 0.0, 0.0, 0.5)), ('red', (1.0, 0.0, 0.0, 1.0)),
     ('#336699', (0.2, 0.4, 0.6, 1.0)), (None, (*COLORS[0], 1.0))])
-def test_a_colour_is_the_same_everywhere(color, wanted, tmp_path):
-    chain = two_links(**({} if color is None else {'color': color}))
+
+
+def of_colour(color):
+    """Return a chain whose first link has this colour, or says none."""
+    return two_links(**({} if color is None else {'color': color}))
+
+
+@each_colour
+def test_a_colour_is_the_same_in_urdf_and_pictures(color, wanted, tmp_path):
+    chain = of_colour(color)
     assert body_color(chain, 0) == wanted
     robot = ElementTree.fromstring(urdf_of(chain))
     rgba = robot.find("link[@name='a']/visual/material/color").get('rgba')
     assert tuple(map(float, rgba.split())) == wanted
-    pytest.importorskip('visualization_msgs.msg')
-    from planar_chain_sim.ros.markers import marker_array
-    told = marker_array(chain, LinkFrames(urdf_of(chain), plane=PLANE), 0, np.zeros(2), 'world').markers[0].color
-    np.testing.assert_allclose([told.r, told.g, told.b, told.a], wanted, atol=1e-7)   # which are single precision
     picture = tmp_path / 'a.svg'
     from planar_chain_sim.pictures.motion import draw_motion
     draw_motion(chain, pcs.rollout(chain, 0.1), str(picture))
     code = '#' + ''.join(f'{round(255 * part):02x}' for part in wanted[:3])
     assert code in picture.read_text()
+
+
+@pytest.mark.ros
+@each_colour
+def test_a_colour_is_the_same_in_markers(color, wanted):
+    from planar_chain_sim.ros.markers import marker_array
+    chain = of_colour(color)
+    told = marker_array(chain, LinkFrames(urdf_of(chain), plane=PLANE), 0, np.zeros(2), 'world').markers[0].color
+    np.testing.assert_allclose([told.r, told.g, told.b, told.a], wanted, atol=1e-7)   # which are single precision
 
 
 @pytest.mark.parametrize('visual, end', [({'length': 0.8}, 0.8), ({}, 0.5), ({'length': 0.0}, 0.0)])

@@ -200,9 +200,9 @@ def fields(definition):
     return [' '.join(words) for words in lines if words]
 
 
+@pytest.mark.ros
 @pytest.mark.parametrize('type_name', MESSAGE_TYPES)
 def test_definitions_are_the_installed_ones(type_name):
-    pytest.importorskip('rclpy')
     roots = [Path(root) for root in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep) + [sys.prefix] if root]
     text = f'MSG: {type_name}\n' + MESSAGE_TYPES[type_name].definition
     for part in text.split('\n' + '=' * 80 + '\n'):

@@ -7,7 +7,7 @@ import re
 import numpy as np
 from oracles.lagrange import Lagrange
 from oracles.random_trees import random_state, random_tree
-from printed import expression_of_latex, from_text, READERS, vectors_of
+from printed import expression_of_latex, from_text, PlaneVector, READERS, vectors_of
 import pytest
 import sympy
 
@@ -26,6 +26,7 @@ EPS = np.finfo(float).eps
 WRITERS = {'text': text_document, 'latex': latex_document, 'json': json_document}
 FORMS = [(coordinates, trigonometric, numeric) for coordinates in ('absolute', 'joint')
          for trigonometric in (False, True) for numeric in (False, True)]
+EXAMPLES = [(coordinates, trigonometric) for coordinates in ('absolute', 'joint') for trigonometric in (False, True)]
 CONFIG = ('arczewski_example', 'cart_arm_telescope', 'double_pendulum', 'four_link_robot', 'seven_link_arm')
 
 # (5.90) to (5.94) as corrected in equations.md 8
@@ -83,14 +84,23 @@ def vanishes(expression, angles):
     return sympy.expand(polynomial) == 0
 
 
-@pytest.mark.parametrize('written', READERS)
-@pytest.mark.parametrize('trigonometric', [False, True], ids=['products', 'trigonometric'])
-@pytest.mark.parametrize('coordinates', ['absolute', 'joint'])
-def test_example_is_lagrange_symbol_for_symbol(coordinates, trigonometric, written):
-    """Oracle: what is printed, read back, less Lagrange's equations from positions alone, is zero identically."""
-    chain = pcs.load_chain('arczewski_example.yaml')
-    equations = pcs.equations(chain, coordinates, trigonometric)
-    oracle = Lagrange(chain, coordinates == 'absolute', symbolic_constant)
+@pytest.fixture(scope='module')
+def example():
+    """Return the equations of the example by (coordinates, trigonometric), and what is read back of each document."""
+    made = {}
+    for coordinates, trigonometric in EXAMPLES:
+        equations = pcs.equations(pcs.load_chain('arczewski_example.yaml'), coordinates, trigonometric)
+        documents = {written: write(equations) for written, write in WRITERS.items()}
+        read = {written: READERS[written](text) for written, text in documents.items()}
+        made[coordinates, trigonometric] = equations, json.loads(documents['json']), read
+    return made
+
+
+@pytest.mark.parametrize('coordinates, trigonometric', EXAMPLES)
+def test_example_is_lagrange_symbol_for_symbol(coordinates, trigonometric, example):
+    """Oracle: the terms of the JSON document, less Lagrange's equations from positions alone, are zero identically."""
+    equations, document, read = example[coordinates, trigonometric]
+    oracle = Lagrange(equations.chain, coordinates == 'absolute', symbolic_constant)
     names = {str(symbol): symbol for symbols in (oracle.coordinates, oracle.rates, oracle.accelerations)
              for symbol in symbols}
     names.update({f'{letter}{i}': sympy.Symbol(f'{letter}{i}') for letter in 'mcrJ' for i in (1, 2, 3, 4)})
@@ -98,14 +108,34 @@ def test_example_is_lagrange_symbol_for_symbol(coordinates, trigonometric, writt
     names.update(M1=m1 + m2 + m3 + m4, M2=m2 + m3 + m4, M3=m3, M4=m4, g=sympy.Symbol('g'), delta_g=-sympy.pi / 2,
                  epsilon1=sympy.pi / 2, cos=sympy.cos, sin=sympy.sin)
     names.update({name: sympy.Symbol(name, real=True) for name in ('tau1', 'tau2', 'tau3', 'tau4', 'f1')})
-    document = json.loads(json_document(equations))
     names.update(vectors_of(document, sympy, names), dot=lambda u, v: u @ v)
-    read = READERS[written](WRITERS[written](equations))
-    assert list(read) == [equation.coordinate.name for equation in equations]
+    assert list(read['json']) == [equation.coordinate.name for equation in equations]
+    angles = [c for c in oracle.coordinates if not str(c).startswith('x')]
     for coordinate, wanted in zip(oracle.coordinates, oracle.residuals()):
-        left, right = read[str(coordinate)]
+        left, right = read['json'][str(coordinate)]
         printed = eval(left, {}, names) - eval(right, {}, names)
-        assert vanishes(printed - wanted, [c for c in oracle.coordinates if not str(c).startswith('x')]), coordinate
+        assert vanishes(printed - wanted, angles), coordinate
+
+
+class AnyName(dict):
+    """Names of an expression: a symbol for each, for a vector two, and functions of which nothing is known."""
+
+    def __missing__(self, name):
+        self[name] = (PlaneVector(*sympy.symbols(f'{name}_x {name}_y')) if name.endswith(('_hat', '_vec'))
+                      else sympy.Symbol(name))
+        return self[name]
+
+
+@pytest.mark.parametrize('coordinates, trigonometric', EXAMPLES)
+def test_the_documents_of_the_example_say_the_same(coordinates, trigonometric, example):
+    """Text and LaTeX letter for letter; both and JSON, whose terms are not gathered, by multiplying out alone."""
+    *_, read = example[coordinates, trigonometric]
+    assert list(read['text'].items()) == list(read['latex'].items())
+    assert list(read['text']) == list(read['json'])
+    names = AnyName(dot=lambda u, v: u @ v, cos=sympy.Function('cosine'), sin=sympy.Function('sine'))
+    for coordinate, sides in read['json'].items():
+        for terms, gathered in zip(sides, read['text'][coordinate]):
+            assert sympy.expand(eval(terms, {}, names) - eval(gathered, {}, names)) == 0, coordinate
 
 
 def with_friction(chain, seed):
