@@ -32,7 +32,7 @@ def installed(package):
 def description_of(chain):
     """Return the URDF of a chain file; a URDF is returned unchanged."""
     from planar_chain_sim.chain_file import find_chain_file, load_chain
-    from planar_chain_sim.urdf_writer import urdf_of
+    from planar_chain_sim.robot_files.urdf_writer import urdf_of
     if chain.endswith('.urdf'):
         return find_chain_file(chain).read_text()
     return urdf_of(load_chain(chain))

@@ -14,30 +14,34 @@ chain that may change in `quantities`; time in `simulation`; how a long call is 
 Names are loaded when first used, so that an executable's first statement can be its signal handlers.
 """
 from importlib import import_module
+import sys
 
 __version__ = '0.2.0'
 
-_HOME = {
-    'BatchRun': 'batch', 'rollout_batch': 'batch',
-    'BodyPoses': 'mechanics.body_poses', 'body_poses': 'mechanics.body_poses',
-    'body_velocities': 'mechanics.body_poses', 'center_of_mass': 'mechanics.body_poses',
-    'jacobian': 'mechanics.body_poses', 'momentum': 'mechanics.body_poses', 'reaction_forces': 'mechanics.body_poses',
-    'BASE': 'tree', 'Body': 'tree', 'Chain': 'chain', 'Joint': 'tree',
-    'chain_from_dict': 'chain_file', 'chain_from_text': 'chain_file', 'load_chain': 'chain_file',
-    'energy': 'dynamics', 'forward_dynamics': 'dynamics', 'inverse_dynamics': 'dynamics', 'mass_matrix': 'dynamics',
-    'equations': 'symbolic.equations',
-    'METHODS': 'integrators',
-    'linearize': 'linearization',
-    'Checkpoint': 'simulation', 'Simulation': 'simulation',
-    'Interrupted': 'simulation',
-    'ChainError': 'errors', 'SimulationError': 'errors',
-    'Run': 'motion.rollout', 'rollout': 'motion.rollout',
-    'JointEvent': 'simulation', 'Wrench': 'loads',
-    'Log': 'recording.log', 'load_log': 'recording.log', 'LogError': 'errors',
-    'OfflineLog': 'recording.offline_log',
-    'urdf_of': 'urdf_writer',
-}
+_HOME = {name: module for module, names in {   # public name -> its module
+    'chain.chain': 'Chain',
+    'chain.tree': 'BASE Body Joint',
+    'chain_file': 'chain_from_dict chain_from_text load_chain',
+    'errors': 'ChainError LogError SimulationError',
+    'mechanics.body_poses': 'BodyPoses body_poses body_velocities center_of_mass jacobian momentum reaction_forces',
+    'mechanics.dynamics': 'energy forward_dynamics inverse_dynamics mass_matrix',
+    'mechanics.linearization': 'linearize',
+    'mechanics.loads': 'Wrench',
+    'motion.batch': 'BatchRun rollout_batch',
+    'motion.integrators': 'METHODS',
+    'motion.rollout': 'Run rollout',
+    'motion.simulation': 'Checkpoint Interrupted JointEvent Simulation',
+    'recording.log': 'Log load_log',
+    'recording.offline_log': 'OfflineLog',
+    'robot_files.urdf_writer': 'urdf_of',
+    'symbolic.equations': 'equations',
+}.items() for name in names.split()}
 __all__ = ['__version__', *_HOME]
+
+
+# Pickles of version 0.1 name these modules; what they look for there is public.
+for _former in ('batch', 'body_poses', 'dynamics', 'loads', 'simulation'):
+    sys.modules[f'{__name__}.{_former}'] = sys.modules[__name__]
 
 
 def __getattr__(name):

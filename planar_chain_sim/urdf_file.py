@@ -5,11 +5,11 @@ from pathlib import Path
 import sys
 import warnings
 
+from .chain.section import clipped
 from .chain_file import load_chain
-from .chain_section import clipped
 from .command_line import add_hold, Parser, run_command, write_document
 from .errors import Mistake, RobotFileNote
-from .urdf_writer import COMMANDS, left_out, STATES, TOPIC, urdf_of
+from .robot_files.urdf_writer import COMMANDS, left_out, STATES, TOPIC, urdf_of
 
 
 def main(arguments=None) -> int:

@@ -11,8 +11,8 @@ from .cpu_time import interleaved
 from .problems import uniform_rods
 from .work_precision import OWN
 from .. import _kernel
-from ..chain import Chain
-from ..plan import plan_of
+from ..chain.chain import Chain
+from ..mechanics.plan import plan_of
 
 LINKS, STATES = (2, 4, 8, 16), 4096
 COLUMNS = ('links', 'what', 'library', 'how', 'per state: median, ns', 'min, ns', 'per core-second: median',

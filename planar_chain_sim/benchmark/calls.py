@@ -8,11 +8,11 @@ import numpy as np
 from .cpu_time import interleaved
 from .problems import uniform_rods
 from .work_precision import OWN
-from ..chain import Chain
-from ..dynamics import energy, forward_dynamics, inverse_dynamics, mass_matrix
-from ..linearization import linearize
-from ..plan import plan_of
-from ..simulation import Simulation
+from ..chain.chain import Chain
+from ..mechanics.dynamics import energy, forward_dynamics, inverse_dynamics, mass_matrix
+from ..mechanics.linearization import linearize
+from ..mechanics.plan import plan_of
+from ..motion.simulation import Simulation
 
 JOINTS = (2, 7, 32)
 COLUMNS = ('joints', 'call', 'library', 'median, us', 'min, us', 'kernel: median, us', 'kernel: min, us',

@@ -10,10 +10,10 @@ import numpy as np
 
 from .problems import configured
 from .work_precision import OWN
-from ..chain import Chain
-from ..dynamics import energy
-from ..integrators import METHODS
-from ..simulation import initial_state, Simulation
+from ..chain.chain import Chain
+from ..mechanics.dynamics import energy
+from ..motion.integrators import METHODS
+from ..motion.simulation import initial_state, Simulation
 
 COLUMNS = ('library', 'method', 'kind', 'setting', 'largest energy error / range', 'of all runs', 'runs', 'growth',
            'CPU median, s', 'CPU min, s')

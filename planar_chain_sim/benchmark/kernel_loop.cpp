@@ -21,7 +21,7 @@ struct Scene {
 
 }  // namespace
 
-// `topology` (links, 3) and `numbers` (links, 12) as kernel_arrays of plan.py gives them; RK4 with ticks of `step` s.
+// `topology` (links, 3) and `numbers` (links, 12) as kernel_arrays of kernel_model.py gives them; RK4 with ticks of `step` s.
 EXPORTED void* make(const int* topology, const double* numbers, int links, const double* gravity, int joints, int dense,
                     double step) {
   auto scene = std::make_unique<Scene>();

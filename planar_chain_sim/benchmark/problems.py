@@ -6,9 +6,9 @@ from typing import Callable
 
 import numpy as np
 
-from ..chain import Chain
+from ..chain.chain import Chain
+from ..chain.tree import Body, Joint
 from ..chain_file import find_chain_file, load_chain
-from ..tree import Body, Joint
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,10 @@ from types import SimpleNamespace
 from typing import Iterator
 
 from .problems import Problem, PROBLEMS
-from ..chain import Chain
+from ..chain.chain import Chain
+from ..chain.tree import BASE
 from ..errors import Mistake
-from ..simulation import initial_state
-from ..tree import BASE
+from ..motion.simulation import initial_state
 
 COLUMNS = ('problem', 'quantity', 'mpmath, extrapolation', 'heyoka, Taylor', 'largest difference', 'from the stored')
 DIGITS = 29          # of the arithmetic

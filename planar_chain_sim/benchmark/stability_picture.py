@@ -10,7 +10,7 @@ from .scenes import MuJoCoRun, one_joint, sampled
 from .scenes.friction import GRIP, stick_and_slip
 from .scenes.motion import pendulum_energy
 from .work_precision import OWN
-from ..simulation import Simulation
+from ..motion.simulation import Simulation
 
 OURS, THEIRS, WRONG = LOOKS[OWN][0], LOOKS['MuJoCo'][0], LOOKS['heyoka'][0]   # WRONG: vermilion, no library here
 PALE = '#9aa5b1'

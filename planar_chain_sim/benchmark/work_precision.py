@@ -9,8 +9,8 @@ import numpy as np
 from .cpu_time import interleaved
 from .peers import Curve, half_decades, Run, steps_of
 from .problems import Problem, PROBLEMS
-from ..integrators import METHODS
-from ..simulation import Simulation
+from ..motion.integrators import METHODS
+from ..motion.simulation import Simulation
 
 OWN = 'planar_chain_sim'
 COLUMNS = ('problem', 'library', 'method', 'kind', 'setting', 'error', 'evaluations', 'steps', 'rejected steps',

@@ -4,9 +4,9 @@ from __future__ import annotations
 import numpy as np
 
 from .body_poses import body_poses
-from ..chain import Chain
-from ..tree import BASE
-from ..visual import own_end
+from ..chain.chain import Chain
+from ..chain.tree import BASE
+from ..chain.visual import own_end
 
 
 def body_lines(chain: Chain, position) -> list:

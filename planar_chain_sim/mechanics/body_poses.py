@@ -11,13 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .dynamics import forward_dynamics
+from .loads import index_of
+from .path_matrix import motion_of_joints
+from .plan import plan_of
 from .._kernel import plane_vector
-from ..chain import Chain
-from ..dynamics import forward_dynamics
-from ..loads import index_of
-from ..path_matrix import motion_of_joints
-from ..plan import plan_of
-from ..tree import BASE
+from ..chain.chain import Chain
+from ..chain.tree import BASE
 
 
 class BodyPoses(NamedTuple):

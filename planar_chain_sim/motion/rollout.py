@@ -6,8 +6,8 @@ from typing import Optional
 
 import numpy as np
 
-from ..chain import Chain
-from ..simulation import initial_state, Simulation, whole_ticks
+from .simulation import initial_state, Simulation, whole_ticks
+from ..chain.chain import Chain
 
 
 @dataclass(frozen=True)

@@ -4,10 +4,10 @@ from __future__ import annotations
 import numpy as np
 
 from .figure import figure, finish
+from ..chain.visual import COLORS
 from ..errors import LogError
 from ..recording.cdr import CdrError, decode_joint_state
 from ..recording.run_settings import simulation_of
-from ..visual import COLORS
 
 
 def draw_log(log, path: str) -> None:

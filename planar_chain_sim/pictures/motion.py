@@ -4,10 +4,10 @@ from __future__ import annotations
 import numpy as np
 
 from .figure import figure, finish, INK
-from ..chain import Chain
+from ..chain.chain import Chain
+from ..chain.visual import body_color
 from ..mechanics.body_lines import body_lines
 from ..motion.rollout import Run
-from ..visual import body_color
 
 
 def draw_motion(chain: Chain, run: Run, path: str, moments: int = 26, shown: float = 1.3) -> None:

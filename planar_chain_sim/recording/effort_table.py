@@ -13,10 +13,10 @@ from typing import NamedTuple, Optional
 
 import numpy as np
 
-from ..chain import Chain
-from ..chain_section import angle_of, clipped, suggestion
-from ..dynamics import joint_array
+from ..chain.chain import Chain
+from ..chain.section import angle_of, clipped, suggestion
 from ..errors import Mistake
+from ..mechanics.dynamics import joint_array
 
 TIME = re.compile(r'(time|t)(_s|\s*[\[(]s[\])])?', re.IGNORECASE)   # the name of a column
 SEPARATORS = (';', '\t', ',', None)   # the first that the first row has; None: blanks

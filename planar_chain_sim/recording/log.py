@@ -11,11 +11,11 @@ from warnings import warn
 
 import numpy as np
 
-from .cdr import (CdrError, decode_float64_multi_array, decode_joint_state, decode_wrench_stamped, JointStateLayout)
+from .cdr import CdrError, decode_float64_multi_array, decode_joint_state, decode_wrench_stamped, JointStateLayout
 from .events import decode_event
 from .log_reader import LogFile, MESSAGE, read_log
 from .run_settings import simulation_of
-from ..chain import Chain
+from ..chain.chain import Chain
 from ..errors import LogError
 
 _HEAD = np.dtype([('channel', '<u2'), ('sequence', '<u4'), ('log_time', '<u8'), ('publish_time', '<u8')])

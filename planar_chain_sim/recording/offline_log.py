@@ -12,10 +12,10 @@ from .events import apply_event, encode_command, encode_event, encode_joint_even
 from .log_writer import LogWriter
 from .rosbag2_profile import Channel
 from .run_settings import settings_of
-from ..dynamics import joint_array
+from ..chain.quantities import QUANTITIES, to_json
 from ..errors import SimulationError
-from ..quantities import QUANTITIES, to_json
-from ..simulation import Interrupted, Simulation
+from ..mechanics.dynamics import joint_array
+from ..motion.simulation import Interrupted, Simulation
 
 STATE_TOPIC, EVENTS_TOPIC = '/joint_states', '/simulator/events'   # what the node would publish them on
 CHUNK = 1000   # ticks between two calls of `progress`, at most

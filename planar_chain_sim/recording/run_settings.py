@@ -11,7 +11,7 @@ from .log_reader import LogFile
 from .. import __version__, _kernel
 from ..chain_file import chain_from_text
 from ..errors import ChainError, LogError
-from ..simulation import Simulation
+from ..motion.simulation import Simulation
 
 FORMAT = '1'
 

@@ -11,8 +11,8 @@ from rclpy.parameter import Parameter
 
 from .parameters import (
     check_for_chain, check_quantity, check_together, checked, idle, NUMBERS, numbers_of, PARAMETERS, Row, ROWS, Value)
+from ..chain.quantities import QUANTITIES
 from ..errors import Mistake
-from ..quantities import QUANTITIES
 
 
 class UnknownParameter(ParameterNotDeclaredException):

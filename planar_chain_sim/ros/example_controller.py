@@ -39,7 +39,7 @@ class ComputedTorque:
 
     def effort(self, time: float, position, velocity):
         """Return the efforts (joints,), N m or N, at a state of this time, s, and the error of position (joints,)."""
-        from ..dynamics import inverse_dynamics
+        from ..mechanics.dynamics import inverse_dynamics
         if self._start is None:
             self._start = time, position
         wanted, wanted_velocity, wanted_acceleration = self.reference(time)

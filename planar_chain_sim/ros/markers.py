@@ -4,8 +4,8 @@ from __future__ import annotations
 from geometry_msgs.msg import Point
 from visualization_msgs.msg import Marker, MarkerArray
 
+from ..chain.visual import body_color
 from ..mechanics.body_lines import body_lines
-from ..visual import body_color
 
 PERIOD = 1.0 / 30.0  # s
 WIDTH = 0.03         # m, of a line

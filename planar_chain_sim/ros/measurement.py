@@ -4,8 +4,8 @@ from __future__ import annotations
 from time import monotonic_ns
 from typing import NamedTuple, Optional
 
-from ..energy_balance import EnergyBalance
 from ..errors import SimulationError
+from ..motion.energy_balance import EnergyBalance
 
 
 class Measurement(NamedTuple):

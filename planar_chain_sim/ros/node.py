@@ -151,7 +151,7 @@ def serve(node, ending, stop, simulator, chain, urdf, values, log, ends) -> None
     inputs, outputs = ends
     if 'description' in publishers:
         from std_msgs.msg import String
-        from ..urdf_writer import urdf_of
+        from ..robot_files.urdf_writer import urdf_of
         publishers['description'].publish(String(data=urdf or urdf_of(
             chain, inputs['joint_commands'].topic_name, outputs['state'].topic_name)))
     if values['chain_file'] == ON_TOPIC:
@@ -181,10 +181,10 @@ def serve(node, ending, stop, simulator, chain, urdf, values, log, ends) -> None
 
 def frames_of(chain, urdf, values):
     """Return the LinkFrames of the URDF that came, or of the chain's own."""
-    from ..hold import read_hold
-    from ..link_frames import LinkFrames
-    from ..urdf_writer import PLANE, urdf_of
-    from ..xml_elements import root_tag
+    from ..chain.hold import read_hold
+    from ..robot_files.link_frames import LinkFrames
+    from ..robot_files.urdf_writer import PLANE, urdf_of
+    from ..robot_files.xml_elements import root_tag
     if urdf and root_tag(urdf) == 'robot':   # an MJCF may have come on the topic
         return LinkFrames(urdf, read_hold(values['hold']))
     return LinkFrames(urdf_of(chain), plane=PLANE)
@@ -230,8 +230,8 @@ def simulator_class(values):
 def load(node, values, stop):
     """Return the chain of `chain_file` and its URDF if it is one, both None after a stop; ChainError."""
     from ..chain_file import chain_from_text, find_chain_file, load_chain
-    from ..xacro_file import USED
-    from ..xml_elements import root_tag
+    from ..robot_files.xacro_file import USED
+    from ..robot_files.xml_elements import root_tag
     if values['chain_file'] == ON_TOPIC:
         from .description import await_description
         text = await_description(node, stop)
@@ -244,9 +244,9 @@ def load(node, values, stop):
 def create_simulation(chain, values):
     """Return the Simulation of the chain and the parameters, which are checked; ChainError where there can't be one."""
     from .simulator import payload_of
-    from ..quantities import changed_chain, QUANTITIES
+    from ..chain.quantities import changed_chain, QUANTITIES
+    from ..motion.simulation import Simulation
     from ..recording.events import apply_event
-    from ..simulation import Simulation
     for name in QUANTITIES:
         if name in values:
             chain = changed_chain(chain, name, values[name])

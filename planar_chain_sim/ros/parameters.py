@@ -11,9 +11,9 @@ import re
 import textwrap
 from typing import Callable, Iterator, NamedTuple, Optional, Union
 
+from ..chain.quantities import changed_chain, QUANTITIES
 from ..errors import Mistake
-from ..integrators import LEAST_TOLERANCE, METHODS
-from ..quantities import changed_chain, QUANTITIES
+from ..motion.integrators import LEAST_TOLERANCE, METHODS
 
 Value = Union[bool, float, str, list]
 NUMBERS, TEXTS = 'DOUBLE_ARRAY', 'STRING_ARRAY'   # types are named as in rclpy.parameter.Parameter.Type

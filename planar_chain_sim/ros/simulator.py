@@ -16,10 +16,10 @@ from .command_intake import CommandIntake
 from .measurement import Meter
 from .pacing import LONGEST_LATENESS, Pacing, wake_punctually
 from .publication import Publication
+from ..chain.quantities import QUANTITIES, to_json
 from ..errors import ChainError, SimulationError
-from ..quantities import QUANTITIES, to_json
+from ..motion.simulation import Interrupted
 from ..recording.events import apply_event, encode_command, encode_joint_event, end_event
-from ..simulation import Interrupted
 
 LOOK_PERIOD = 20_000_000  # ns between two looks at who publishes commands and at the log
 LONGEST_SLEEP = 10_000_000  # ns; a request or a stop is seen after at most this, whatever the rate

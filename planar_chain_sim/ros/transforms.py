@@ -4,7 +4,7 @@ from __future__ import annotations
 from geometry_msgs.msg import TransformStamped
 
 from ..errors import Mistake
-from ..link_frames import quaternion
+from ..robot_files.link_frames import quaternion
 
 PERIOD = 1.0 / 50.0  # s
 

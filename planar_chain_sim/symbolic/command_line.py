@@ -12,9 +12,9 @@ from .equations import Equations, equations
 from .json_document import json_document
 from .latex_document import latex_document
 from .text_document import text_document
-from ..chain import Chain
+from ..chain.chain import Chain
+from ..chain.section import clipped
 from ..chain_file import load_chain
-from ..chain_section import clipped
 from ..command_line import add_hold, Parser, refuse_hold, run_command, write_document
 from ..errors import Mistake
 

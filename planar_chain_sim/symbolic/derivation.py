@@ -13,8 +13,8 @@ from .factors import Coordinate, Motion, Parts, ScalarProduct, SignOf, Symbol, V
 from .naming import LAWS, Names
 from .terms import Coefficient, Equation, LEFT, RIGHT, Term
 from .trigonometry import written_out
-from ..chain import Chain
-from ..tree import Joint
+from ..chain.chain import Chain
+from ..chain.tree import Joint
 
 KINDS = (*LEFT, *RIGHT)
 # the order of symbols in a product

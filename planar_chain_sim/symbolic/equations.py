@@ -11,11 +11,11 @@ from .derivation import Derivation
 from .factors import Coordinate, Motion, ScalarProduct, State, Symbol
 from .terms import Equation
 from .trigonometry import in_numbers, in_trigonometric_functions
-from ..chain import Chain
-from ..chain_section import clipped, suggestion
-from ..dynamics import forward_dynamics, joint_array
-from ..path_matrix import motion_of_joints
-from ..plan import plan_of
+from ..chain.chain import Chain
+from ..chain.section import clipped, suggestion
+from ..mechanics.dynamics import forward_dynamics, joint_array
+from ..mechanics.path_matrix import motion_of_joints
+from ..mechanics.plan import plan_of
 
 COORDINATES = ('absolute', 'joint')
 

@@ -9,7 +9,7 @@ from .equations import Equations
 from .factors import State
 from .terms import Equation, Term
 from .topology import carrier_number, matrices, vectors_by_angle
-from ..path_matrix import shared_mass_matrix
+from ..mechanics.path_matrix import shared_mass_matrix
 
 
 def json_document(equations: Equations, chosen: Optional[Sequence[Equation]] = None,

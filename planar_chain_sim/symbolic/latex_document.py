@@ -10,7 +10,7 @@ from .notation import LATEX, SOFT_BREAK
 from .terms import Equation
 from .topology import matrices, outer_bodies, vectors_by_angle
 from .writing import Writer
-from ..path_matrix import shared_mass_matrix
+from ..mechanics.path_matrix import shared_mass_matrix
 
 WIDE = 12      # columns of a matrix; one that is wider is made to fit the page
 WIDTH = 88     # characters, as they are set, of a line of an equation

@@ -5,8 +5,8 @@ from cmath import phase
 from typing import Optional
 
 from .factors import Coordinate, Effort, Parts, Symbol, Vector
-from ..chain import Chain
-from ..tree import BASE, Joint
+from ..chain.chain import Chain
+from ..chain.tree import BASE, Joint
 
 # letters of armature, damping, stiffness, friction and preload
 LAWS = {'rotation': ('Ia', 'd', 'k', 'tau_c', 'tau_p'), 'slide': ('ma', 'd_x', 'k_x', 'f_c', 'f_p')}

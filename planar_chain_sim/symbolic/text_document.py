@@ -12,7 +12,7 @@ from .notation import display_width, SOFT_BREAK, TEXT
 from .terms import Equation
 from .topology import carried_by, carrier_number, coordinates_by_body, matrices, outer_bodies, vectors_by_angle
 from .writing import Writer
-from ..path_matrix import shared_mass_matrix
+from ..mechanics.path_matrix import shared_mass_matrix
 
 WIDTH = 80
 NOTHING = '\u00b7'     # an entry of a matrix that is zero

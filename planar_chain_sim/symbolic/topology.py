@@ -7,9 +7,9 @@ import numpy as np
 
 from .factors import Coordinate, ScalarProduct, Vector
 from .terms import Equation
-from ..chain import Chain
-from ..path_matrix import incidence_matrix, path_matrix
-from ..tree import BASE
+from ..chain.chain import Chain
+from ..chain.tree import BASE
+from ..mechanics.path_matrix import incidence_matrix, path_matrix
 
 
 def matrices(chain: Chain) -> dict[str, np.ndarray]:

@@ -9,9 +9,10 @@ import numpy as np
 from oracles.two_rods import rod, TWO_RODS
 import pytest
 
-from planar_chain_sim import chain_from_dict, ChainError, yaml_text
+from planar_chain_sim import chain_from_dict, ChainError
+from planar_chain_sim.chain import yaml_text
+from planar_chain_sim.chain.section import angle_of
 from planar_chain_sim.chain_file import chain_from_text
-from planar_chain_sim.chain_section import angle_of
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 not_negative = st.floats(min_value=0.0, allow_nan=False, allow_infinity=False)

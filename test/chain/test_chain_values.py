@@ -14,7 +14,7 @@ import pytest
 import planar_chain_sim as pcs
 from planar_chain_sim import chain_from_dict, ChainError
 from planar_chain_sim.chain_file import chain_from_text
-from planar_chain_sim.plan import plan_of
+from planar_chain_sim.mechanics.plan import plan_of
 from planar_chain_sim.recording import resimulation
 
 CONFIGS = ('arczewski_example', 'cart_arm_telescope', 'double_pendulum', 'four_link_robot', 'seven_link_arm')

@@ -12,10 +12,10 @@ import yourdfpy
 
 import planar_chain_sim as pcs
 from planar_chain_sim.chain_file import chain_from_text
-from planar_chain_sim.link_frames import LinkFrames, quaternion
 from planar_chain_sim.mechanics.body_lines import body_lines
-from planar_chain_sim.planar_robot import body_names
-from planar_chain_sim.urdf_writer import link_names, urdf_of
+from planar_chain_sim.robot_files.link_frames import LinkFrames, quaternion
+from planar_chain_sim.robot_files.planar_robot import body_names
+from planar_chain_sim.robot_files.urdf_writer import link_names, urdf_of
 
 ROOT = Path(__file__).parents[2]
 # A plane that stands askew in its root's frame, and a link that is welded.

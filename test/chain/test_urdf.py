@@ -11,10 +11,10 @@ import pytest
 import yourdfpy
 
 import planar_chain_sim as pcs
-from planar_chain_sim.chain import Chain
+from planar_chain_sim.chain.chain import Chain
 from planar_chain_sim.chain_file import chain_from_text
 from planar_chain_sim.mechanics.body_lines import body_lines
-from planar_chain_sim.urdf_writer import urdf_of
+from planar_chain_sim.robot_files.urdf_writer import urdf_of
 
 CONFIGS = ('arczewski_example', 'cart_arm_telescope', 'chain_32_links', 'double_pendulum', 'four_link_robot',
            'seven_link_arm')

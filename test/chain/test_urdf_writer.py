@@ -15,7 +15,7 @@ import yourdfpy
 import planar_chain_sim as pcs
 from planar_chain_sim import urdf_file
 from planar_chain_sim.chain_file import chain_from_text
-from planar_chain_sim.urdf_writer import link_names, SHARE, urdf_of
+from planar_chain_sim.robot_files.urdf_writer import link_names, SHARE, urdf_of
 
 SHIPPED = ('arczewski_example', 'cart_arm_telescope', 'chain_32_links', 'double_pendulum', 'four_link_robot',
            'seven_link_arm')

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 import planar_chain_sim as pcs
-from planar_chain_sim.link_frames import LinkFrames
+from planar_chain_sim.chain.visual import body_color, COLORS
 from planar_chain_sim.mechanics.body_lines import body_lines
-from planar_chain_sim.urdf_writer import PLANE, urdf_of
-from planar_chain_sim.visual import body_color, COLORS
+from planar_chain_sim.robot_files.link_frames import LinkFrames
+from planar_chain_sim.robot_files.urdf_writer import PLANE, urdf_of
 
 
 def two_links(**visual):

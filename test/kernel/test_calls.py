@@ -6,11 +6,11 @@ import pytest
 import planar_chain_sim as pcs
 from planar_chain_sim import _kernel
 from planar_chain_sim.benchmark.problems import uniform_rods
-from planar_chain_sim.chain import Chain
-from planar_chain_sim.dynamics import joint_array
-from planar_chain_sim.plan import plan_of
-from planar_chain_sim.solvable import singular_joint
-from planar_chain_sim.tree import Body, Joint
+from planar_chain_sim.chain.chain import Chain
+from planar_chain_sim.chain.tree import Body, Joint
+from planar_chain_sim.mechanics.dynamics import joint_array
+from planar_chain_sim.mechanics.plan import plan_of
+from planar_chain_sim.mechanics.solvable import singular_joint
 
 EPS = np.finfo(float).eps
 CALLS = {'forward_dynamics': 3, 'inverse_dynamics': 3, 'mass_matrix': 1, 'energy': 2, 'linearize': 3}

@@ -8,8 +8,8 @@ import pytest
 
 import planar_chain_sim as pcs
 from planar_chain_sim._kernel import unit_vector
-from planar_chain_sim.chain import Chain
-from planar_chain_sim.tree import Body, Joint
+from planar_chain_sim.chain.chain import Chain
+from planar_chain_sim.chain.tree import Body, Joint
 
 EDGES = [0.0, -0.0, 5e-324, -2.2e-308, 1e-9, math.pi / 4, math.pi / 2, math.pi, 2 * math.pi, 1e5 * math.pi, 355.0,
          710.0]

@@ -8,9 +8,9 @@ import pytest
 
 import planar_chain_sim as pcs
 from planar_chain_sim.benchmark.problems import uniform_rods
-from planar_chain_sim.chain import Chain
-from planar_chain_sim.plan import DENSE_LINKS, plan_of
-from planar_chain_sim.tree import Body, Joint
+from planar_chain_sim.chain.chain import Chain
+from planar_chain_sim.chain.tree import Body, Joint
+from planar_chain_sim.mechanics.plan import DENSE_LINKS, plan_of
 
 EPS = np.finfo(float).eps
 

@@ -5,10 +5,10 @@ from oracles.random_trees import random_state, random_tree
 import pytest
 
 import planar_chain_sim as pcs
-from planar_chain_sim import equations_of_motion, invariants
 from planar_chain_sim.benchmark.problems import uniform_rods
-from planar_chain_sim.chain import Chain
-from planar_chain_sim.tree import Body, Joint
+from planar_chain_sim.chain.chain import Chain
+from planar_chain_sim.chain.tree import Body, Joint
+from planar_chain_sim.mechanics import equations_of_motion, invariants
 
 EPS = np.finfo(float).eps
 # two backward stable solutions differ by a small multiple of cond(H) eps: the worst of these 200 trees is 0.6; the way

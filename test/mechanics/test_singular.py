@@ -4,8 +4,8 @@ from oracles.random_trees import random_state, random_tree
 import pytest
 
 import planar_chain_sim as pcs
-from planar_chain_sim.chain import Chain
-from planar_chain_sim.tree import Body, Joint
+from planar_chain_sim.chain.chain import Chain
+from planar_chain_sim.chain.tree import Body, Joint
 
 EPS = np.finfo(float).eps
 

@@ -9,10 +9,10 @@ import pytest
 import planar_chain_sim as pcs
 from planar_chain_sim import _kernel
 from planar_chain_sim.benchmark.problems import uniform_rods
-from planar_chain_sim.chain import Chain
-from planar_chain_sim.integrators import method_data
-from planar_chain_sim.plan import plan_of
-from planar_chain_sim.tree import Body, Joint
+from planar_chain_sim.chain.chain import Chain
+from planar_chain_sim.chain.tree import Body, Joint
+from planar_chain_sim.mechanics.plan import plan_of
+from planar_chain_sim.motion.integrators import method_data
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
 CHAINS = {path.stem: pcs.load_chain(str(path)) for path in sorted(CONFIG.glob('*.yaml'))}

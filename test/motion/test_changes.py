@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import planar_chain_sim as pcs
-from planar_chain_sim.energy_balance import EnergyBalance, ROWS
-from planar_chain_sim.quantities import changed_chain, QUANTITIES, to_json
+from planar_chain_sim.chain.quantities import changed_chain, QUANTITIES, to_json
+from planar_chain_sim.motion.energy_balance import EnergyBalance, ROWS
 from planar_chain_sim.recording import resimulation
 from planar_chain_sim.recording.events import apply_event
 

@@ -9,9 +9,9 @@ import pytest
 
 import planar_chain_sim as pcs
 from planar_chain_sim import _kernel
-from planar_chain_sim.integrators import method_data
-from planar_chain_sim.plan import plan_of
-from planar_chain_sim.quantities import changed_chain
+from planar_chain_sim.chain.quantities import changed_chain
+from planar_chain_sim.mechanics.plan import plan_of
+from planar_chain_sim.motion.integrators import method_data
 from planar_chain_sim.recording.events import apply_event
 
 TWO_RODS = pcs.load_chain('double_pendulum.yaml')

@@ -9,7 +9,7 @@ from planar_chain_sim import _kernel
 from planar_chain_sim.benchmark.problems import uniform_rods
 from planar_chain_sim.benchmark.scenes.friction import break_away, held_rods
 from planar_chain_sim.benchmark.scenes.joint_family import METHODS, random_scene, run_scene
-from planar_chain_sim.simulation import _WHY
+from planar_chain_sim.motion.simulation import _WHY
 
 STIFF_TOO = sorted(pcs.METHODS)
 

@@ -241,9 +241,11 @@ def test_a_batch_whose_scenes_have_ended_hears_a_signal_while_it_fills_up_the_re
         'import resource, signal, numpy as np, planar_chain_sim as pcs\n'
         'class Stop(Exception): pass\n'
         'def stop(*_): raise Stop\n'
-        'signal.signal(signal.SIGALRM, stop); signal.setitimer(signal.ITIMER_REAL, 0.1)\n'
+        'signal.signal(signal.SIGALRM, stop)\n'
         'chain = pcs.load_chain("double_pendulum.yaml")\n'
         'still, fast = [[0.0, 0.0]], [[1e300, 0.0]]\n'
+        'pcs.rollout_batch\n'
+        'signal.setitimer(signal.ITIMER_REAL, 0.1)\n'
         'try: pcs.rollout_batch(chain, still, fast, duration=2e5, step=1e-3, threads=1, method="rk4")\n'
         'except Stop: print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024)\n')
     done = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True)

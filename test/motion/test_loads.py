@@ -7,14 +7,14 @@ import pytest
 
 import planar_chain_sim as pcs
 from planar_chain_sim import _kernel
-from planar_chain_sim.integrators import method_data
-from planar_chain_sim.loads import on_links, Wrench
-from planar_chain_sim.plan import plan_of
+from planar_chain_sim.chain.tree import BASE, Body
+from planar_chain_sim.mechanics.loads import on_links, Wrench
+from planar_chain_sim.mechanics.plan import plan_of
+from planar_chain_sim.motion.integrators import method_data
 from planar_chain_sim.recording.events import apply_event
 from planar_chain_sim.recording.log_reader import read_log
 from planar_chain_sim.recording.resimulation import resimulate
 from planar_chain_sim.symbolic.logged_state import state_at
-from planar_chain_sim.tree import BASE, Body
 
 ROBOT = pcs.load_chain('four_link_robot.yaml')
 ARM = pcs.load_chain('seven_link_arm.yaml')

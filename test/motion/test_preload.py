@@ -66,7 +66,7 @@ def test_friction_and_a_stop_bear_it():
 
 
 def test_the_energy_balance_counts_it():
-    from planar_chain_sim.energy_balance import EnergyBalance
+    from planar_chain_sim.motion.energy_balance import EnergyBalance
     chain = loaded(pcs.load_chain('double_pendulum.yaml'), np.array([5.0, -3.0]))
     simulation = pcs.Simulation(chain, tolerance=1e-12)
     balance = EnergyBalance(chain, simulation.step, simulation.position, simulation.velocity)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import planar_chain_sim as pcs
-from planar_chain_sim.plan import plan_of
+from planar_chain_sim.mechanics.plan import plan_of
 
 CHAINS = sorted(path.stem for path in (Path(__file__).parents[2] / 'config').glob('*.yaml'))
 RECORD = Path(__file__).with_name('recorded_bits.json')

@@ -8,8 +8,8 @@ import pytest
 
 import planar_chain_sim as pcs
 from planar_chain_sim.benchmark.scenes import coarse_steps
-from planar_chain_sim.chain import Chain
-from planar_chain_sim.tree import Body, Joint
+from planar_chain_sim.chain.chain import Chain
+from planar_chain_sim.chain.tree import Body, Joint
 
 
 @pytest.mark.filterwarnings('ignore:step is')

@@ -7,9 +7,9 @@ from oracles.random_trees import one_joint, random_tree
 import pytest
 
 import planar_chain_sim as pcs
-from planar_chain_sim import invariants
-from planar_chain_sim.chain import Chain
-from planar_chain_sim.tree import Body, Joint
+from planar_chain_sim.chain.chain import Chain
+from planar_chain_sim.chain.tree import Body, Joint
+from planar_chain_sim.mechanics import invariants
 
 
 def total_energy(chain, run):

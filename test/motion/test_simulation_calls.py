@@ -7,10 +7,10 @@ import pytest
 
 import planar_chain_sim as pcs
 from planar_chain_sim.benchmark.problems import uniform_rods
-from planar_chain_sim.chain import Chain
-from planar_chain_sim.plan import plan_of
-from planar_chain_sim.simulation import whole_ticks
-from planar_chain_sim.tree import Body, Joint
+from planar_chain_sim.chain.chain import Chain
+from planar_chain_sim.chain.tree import Body, Joint
+from planar_chain_sim.mechanics.plan import plan_of
+from planar_chain_sim.motion.simulation import whole_ticks
 
 
 def test_time_is_ticks_times_step_and_advance_to_lands_on_it():

@@ -11,9 +11,9 @@ from test_methods import CONFIG, double_pendulum
 
 import planar_chain_sim as pcs
 from planar_chain_sim import _kernel
-from planar_chain_sim.integrators import method_data, METHODS
-from planar_chain_sim.plan import plan_of
-from planar_chain_sim.stiffness import step_limit
+from planar_chain_sim.mechanics.plan import plan_of
+from planar_chain_sim.motion.integrators import method_data, METHODS
+from planar_chain_sim.motion.stiffness import step_limit
 
 SEEDS = range(30)
 

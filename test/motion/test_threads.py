@@ -84,7 +84,7 @@ def test_a_model_that_is_measured_in_one_thread_answers_others():
     chain = pcs.load_chain('four_link_robot.yaml')
     position, zero = np.full(5, 0.3), np.zeros(5)
     wanted = pcs.forward_dynamics(chain, position, zero, zero).tobytes()
-    from planar_chain_sim.plan import plan_of
+    from planar_chain_sim.mechanics.plan import plan_of
     model, going = plan_of(chain).model, [True]
 
     def measure():

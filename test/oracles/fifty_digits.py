@@ -5,7 +5,7 @@ from mpmath import mp, mpc, mpf
 import numpy as np
 
 import planar_chain_sim as pcs
-from planar_chain_sim.tree import BASE
+from planar_chain_sim.chain.tree import BASE
 
 DIGITS = 50
 

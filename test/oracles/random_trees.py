@@ -1,8 +1,8 @@
 """Chains for tests: random trees of every body kind, and a single joint."""
 import numpy as np
 
-from planar_chain_sim.chain import Chain
-from planar_chain_sim.tree import BASE, Body, Joint
+from planar_chain_sim.chain.chain import Chain
+from planar_chain_sim.chain.tree import BASE, Body, Joint
 
 KINDS = ('turning', 'sliding and turning', 'sliding', 'welded')
 

@@ -19,9 +19,9 @@ from planar_chain_sim import load_chain
 from planar_chain_sim.mechanics.body_lines import body_lines
 from planar_chain_sim.recording.cdr import decode_clock, decode_joint_state, decode_string
 from planar_chain_sim.recording.log_reader import read_log
+from planar_chain_sim.robot_files.urdf_writer import urdf_of
 from planar_chain_sim.ros.description import TOPIC
 from planar_chain_sim.ros.parameters import PARAMETERS
-from planar_chain_sim.urdf_writer import urdf_of
 
 CHAIN = load_chain(CONFIG / 'four_link_robot.yaml')
 MS = 1_000_000

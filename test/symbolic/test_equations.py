@@ -12,8 +12,8 @@ import pytest
 import sympy
 
 import planar_chain_sim as pcs
-from planar_chain_sim import equations_of_motion
-from planar_chain_sim.path_matrix import motion_of_joints
+from planar_chain_sim.mechanics import equations_of_motion
+from planar_chain_sim.mechanics.path_matrix import motion_of_joints
 from planar_chain_sim.symbolic.factors import Coordinate, Motion, Symbol
 from planar_chain_sim.symbolic.json_document import json_document
 from planar_chain_sim.symbolic.latex_document import latex_document

@@ -11,8 +11,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from ...chain import Chain
-from ...path_matrix import merge_welded
+from ...chain.chain import Chain
+from ...mechanics.path_matrix import merge_welded
 
 
 @dataclass(frozen=True)

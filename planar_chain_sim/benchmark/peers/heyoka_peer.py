@@ -11,8 +11,8 @@ import numpy as np
 from . import Curve, half_decades, Run
 from .heyoka_expressions import articulated_bodies, System, two_rods
 from ..problems import Problem
-from ...chain import Chain
-from ...simulation import initial_state
+from ...chain.chain import Chain
+from ...motion.simulation import initial_state
 
 FORMULATIONS = {'Taylor, closed form': two_rods, 'Taylor, articulated bodies': articulated_bodies}
 

@@ -9,8 +9,8 @@ import numpy as np
 from . import Curve, Run, steps_of
 from .compiled import compile_shared
 from ..problems import Problem
-from ...chain import Chain
-from ...simulation import initial_state
+from ...chain.chain import Chain
+from ...motion.simulation import initial_state
 
 METHODS = ('Euler', 'implicitfast', 'RK4')
 

@@ -5,9 +5,9 @@ import numpy as np
 
 from . import Curve, half_decades, Run
 from ..problems import Problem
-from ...chain import Chain
-from ...plan import plan_of
-from ...simulation import initial_state
+from ...chain.chain import Chain
+from ...mechanics.plan import plan_of
+from ...motion.simulation import initial_state
 
 METHODS = {'DOP853': -14, 'LSODA': -13, 'Radau': -10}   # and the last decade of tolerance that is worth trying
 

@@ -5,10 +5,10 @@ from typing import Callable, NamedTuple, Optional, Union
 
 import numpy as np
 
-from ...chain import Chain
-from ...dynamics import energy
-from ...simulation import Simulation
-from ...tree import Body, Joint
+from ...chain.chain import Chain
+from ...chain.tree import Body, Joint
+from ...mechanics.dynamics import energy
+from ...motion.simulation import Simulation
 
 INTEGRATORS = ('implicitfast', 'RK4')   # of MuJoCo: the one for damping and contacts, and the one for accuracy
 REFUSED = 'cannot be built'             # what MuJoCo makes of a body without mass or inertia

@@ -8,10 +8,10 @@ import numpy as np
 
 from . import Check
 from ..problems import configured, damped
-from ...chain import Chain
+from ...chain.chain import Chain
 from ...errors import SimulationError
-from ...integrators import METHODS
-from ...simulation import initial_state, Simulation
+from ...motion.integrators import METHODS
+from ...motion.simulation import initial_state, Simulation
 
 FIXED = tuple(name for name, row in METHODS.items() if not row.adaptive)
 HORIZONS = (5.0, 10.0)        # s

@@ -8,10 +8,10 @@ import numpy as np
 
 from . import Check, MuJoCoRun, one_joint
 from .stops import HOUR
-from ...chain import Chain
+from ...chain.chain import Chain
 from ...chain_file import chain_from_dict
-from ...integrators import METHODS
-from ...simulation import Simulation
+from ...motion.integrators import METHODS
+from ...motion.simulation import Simulation
 
 RATE, GRIP = 2.0, 1.0   # N m/s, N m: the ramp, and the friction that it has to overcome
 PERIOD = 4000           # ticks of the ramp up and down

@@ -10,9 +10,9 @@ import numpy as np
 from . import Check, INTEGRATORS, MuJoCoRun, one_joint
 from .coarse_steps import coarse_steps
 from ..problems import configured
-from ...dynamics import energy
 from ...errors import SimulationError
-from ...simulation import Simulation
+from ...mechanics.dynamics import energy
+from ...motion.simulation import Simulation
 
 LIMIT = 100.0    # N m, of the arm's joints
 

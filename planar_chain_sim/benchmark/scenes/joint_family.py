@@ -7,11 +7,11 @@ from typing import Iterator, NamedTuple, Optional
 import numpy as np
 
 from . import Check, energies, largest_rise, MuJoCoRun, total_energy
-from ...chain import Chain
+from ...chain.chain import Chain
 from ...chain_file import chain_from_dict
 from ...errors import SimulationError
-from ...integrators import METHODS as ROWS
-from ...simulation import Simulation
+from ...motion.integrators import METHODS as ROWS
+from ...motion.simulation import Simulation
 
 METHODS = ('auto', 'rk4', 'dop853', 'dop853_fixed', 'gauss6', 'rodas5p')
 STEPS = (1e-4, 1e-3, 1e-2)   # s

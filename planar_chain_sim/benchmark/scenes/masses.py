@@ -10,12 +10,12 @@ import numpy as np
 from . import Check, energies, REFUSED, sampled, total_energy
 from ..problems import uniform_rods
 from ..references import VirtualPower
-from ...chain import Chain
-from ...dynamics import forward_dynamics, mass_matrix
+from ...chain.chain import Chain
+from ...chain.tree import Body, Joint
 from ...errors import SimulationError
-from ...integrators import METHODS
-from ...simulation import Simulation
-from ...tree import Body, Joint
+from ...mechanics.dynamics import forward_dynamics, mass_matrix
+from ...motion.integrators import METHODS
+from ...motion.simulation import Simulation
 
 DIGITS = 50
 EPS = float(np.finfo(float).eps)

@@ -10,11 +10,11 @@ import numpy as np
 from . import by_mujoco, Check, energies, INTEGRATORS, largest_rise, MuJoCoRun, one_joint, sampled, total_energy
 from .masses import exact_acceleration, relative_error
 from ..problems import configured, uniform_rods
-from ...chain import Chain
-from ...dynamics import forward_dynamics, mass_matrix
-from ...integrators import METHODS
-from ...simulation import Simulation
-from ...tree import Body, Joint
+from ...chain.chain import Chain
+from ...chain.tree import Body, Joint
+from ...mechanics.dynamics import forward_dynamics, mass_matrix
+from ...motion.integrators import METHODS
+from ...motion.simulation import Simulation
 
 PENDULUM_TICK = 5e-3   # s
 PENDULUM_SAMPLES = 200

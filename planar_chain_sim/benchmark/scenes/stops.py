@@ -8,9 +8,9 @@ import numpy as np
 
 from . import Check, energies, largest_rise, MuJoCoRun, one_joint, sampled, total_energy
 from ..problems import uniform_rods
-from ...chain import Chain
-from ...dynamics import energy
-from ...simulation import Simulation
+from ...chain.chain import Chain
+from ...mechanics.dynamics import energy
+from ...motion.simulation import Simulation
 
 HOUR = 3_600_000   # ticks of 1 ms
 

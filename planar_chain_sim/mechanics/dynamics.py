@@ -1,0 +1,121 @@
+"""Forward and inverse dynamics, mass matrix and energy of a chain at one state: asked of the kernel, refused here."""
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from . import equations_of_motion
+from .plan import plan_of
+from .. import _kernel
+from ..chain.chain import Chain
+from ..errors import SimulationError
+
+FORMS = ('reference', 'dense', 'recursive', 'auto')
+
+
+def joint_array(name: str, values, shape: tuple) -> np.ndarray:
+    """`values` as finite C-ordered float64 of the wanted shape; ValueError names argument, got and wanted."""
+    return _kernel.finite_array(name, values, shape)
+
+
+def resolve_form(chain: Chain, form: str) -> str:
+    """`form`, with what the chain's shape makes of 'auto'; ValueError names the forms there are."""
+    if form not in FORMS:
+        raise ValueError(f'form is {form!r}, must be one of {", ".join(map(repr, FORMS))}')
+    return plan_of(chain).form if form == 'auto' else form
+
+
+def no_acceleration(chain: Chain, joint: int, why: str, position, velocity) -> SimulationError:
+    """Return the error that names this joint, with the state as arrays."""
+    shape, name = (chain.joint_count,), chain.joint_names[joint]
+    body = chain.body_of(name)
+    return SimulationError(f"joint '{name}' of body '{body}' of {chain.name}: {why}", joint=name, body=body,
+                           position=joint_array('position', position, shape),
+                           velocity=joint_array('velocity', velocity, shape),
+                           reason='singular' if 'singular' in why else 'not_finite')
+
+
+def _for_each(ask, chain: Chain, error: ValueError, *rows) -> list:
+    """
+    Return what `ask(chain, ...)` answers for arrays (..., joints), each part with the leading axes; the error: no such.
+
+    A single state is asked first, so that it pays nothing for this.
+    """
+    try:
+        arrays = np.broadcast_arrays(*(np.asarray(row, dtype=float) for row in rows))
+    except (TypeError, ValueError):
+        raise error from None
+    axes = arrays[0].shape[:-1]
+    if not axes or not all(axes) or arrays[0].shape[-1] != chain.joint_count:
+        raise error
+    answers = [ask(chain, *states) for states in zip(*(array.reshape(-1, chain.joint_count) for array in arrays))]
+    parts = zip(*answers) if isinstance(answers[0], tuple) else [answers]
+    return [np.array(part).reshape(*axes, *np.shape(part[0])) for part in parts]
+
+
+def forward_dynamics(chain: Chain, position, velocity, effort, form: str = 'auto') -> np.ndarray:
+    """
+    Joint accelerations (..., joints), rad/s^2 or m/s^2, under joint efforts in N m or N; leading axes are kept.
+
+    Gravity, damping, springs and the friction of moving joints act; the effort is not clamped and stops are not known.
+    `form`: 'recursive', O(n) elimination by equations.md 6.2 and 6.3; 'dense', the mass matrix of equations.md 3,
+    O(n^3); 'reference', (5.87) and (5.88) as matrices in NumPy; 'auto', what suits the chain's shape: the plan says.
+    ValueError: bad shape, non-finite value, unknown form. SimulationError: singular configuration, names the joint.
+    """
+    plan = plan_of(chain)
+    if form == 'auto':
+        dense = plan.dense
+    else:
+        dense = resolve_form(chain, form) == 'dense'
+    try:
+        acceleration, joint = plan.model.forward_dynamics(position, velocity, effort, dense)
+    except ValueError as error:
+        return _for_each(partial(forward_dynamics, form=form), chain, error, position, velocity, effort)[0]
+    if joint >= 0:
+        raise no_acceleration(chain, joint, 'the configuration is singular', position, velocity)
+    if form == 'reference':
+        acceleration = equations_of_motion.forward_dynamics(chain, *(
+            joint_array('', values, acceleration.shape) for values in (position, velocity, effort)))
+        joint = -1 if np.isfinite(acceleration).all() else -2 - int(np.argmin(np.isfinite(acceleration)))
+    if joint < -1:
+        raise no_acceleration(chain, -2 - joint, 'the acceleration is not finite', position, velocity)
+    return acceleration
+
+
+def inverse_dynamics(chain: Chain, position, velocity, acceleration) -> np.ndarray:
+    """
+    Efforts (..., joints), N m or N, for these accelerations: the exact inverse of forward_dynamics (equations.md 6.1).
+
+    Leading axes are kept. ValueError: bad shape or non-finite value.
+    """
+    try:
+        return plan_of(chain).model.inverse_dynamics(position, velocity, acceleration)
+    except ValueError as error:
+        return _for_each(inverse_dynamics, chain, error, position, velocity, acceleration)[0]
+
+
+def mass_matrix(chain: Chain, position) -> np.ndarray:
+    """
+    H (..., joints, joints) in joint coordinates, armature included; columns by equations.md 6.1.
+
+    Position (..., joints). ValueError as above.
+    """
+    try:
+        return plan_of(chain).model.mass_matrix(position)
+    except ValueError as error:
+        return _for_each(mass_matrix, chain, error, position)[0]
+
+
+def energy(chain: Chain, position, velocity) -> tuple[float, float]:
+    """
+    Energies T with armature, V = -sum m g . r + springs, in J (equations.md 6.1).
+
+    Floats, or arrays (...,) of states (..., joints). ValueError as above.
+    """
+    plan = plan_of(chain)
+    try:
+        kinetic, potential = plan.model.energy(position, velocity)
+    except ValueError as error:
+        return tuple(_for_each(energy, chain, error, position, velocity))
+    return kinetic, potential + plan.grounded_energy

@@ -1,0 +1,91 @@
+"""What is put on bodies while a chain moves: wrenches from outside and payloads, checked and brought to the links."""
+from __future__ import annotations
+
+from dataclasses import replace
+from math import isfinite
+from typing import Mapping, NamedTuple
+
+from .dynamics import joint_array
+from .plan import plan_of
+from .._kernel import plane_vector
+from ..chain.chain import altered, Chain
+from ..chain.tree import Body
+
+
+class Wrench(NamedTuple):
+    """What acts on a body from outside: force x + j y, N, in the axes of the 'body' or the 'world', and moment, N m."""
+
+    force: complex
+    moment: float
+    axes: str
+
+
+def _number(name: str, value) -> float:
+    return float(joint_array(name, [value], (1,))[0])
+
+
+def index_of(chain: Chain, body: str) -> int:
+    """Return the index of a body by its name; ValueError names those there are."""
+    index = chain.body_index.get(body) if isinstance(body, str) else None
+    if index is None:
+        names = ', '.join(each.name for each in chain.bodies[:32])
+        raise ValueError(f'body is {body!r:.80}, must be one of {names}')
+    return index
+
+
+def checked_wrench(force, moment, axes: str) -> Wrench:
+    """Return the wrench of force [x, y], moment and axes; ValueError: a number that is not finite, other axes."""
+    if axes not in ('body', 'world'):
+        raise ValueError(f"axes is {axes!r:.80}, must be 'body' or 'world'")
+    force = plane_vector('force', force)
+    return Wrench(force, moment if type(moment) is float and isfinite(moment) else _number('moment', moment), axes)
+
+
+def on_links(chain: Chain, wrenches: Mapping[str, Wrench]) -> list[tuple]:
+    """
+    Return wrenches by body as the kernel takes them: slot, whether the force turns with it, point, force, moment.
+
+    One on a body that is welded to the base moves nothing and is left out.
+    """
+    told, places = [], plan_of(chain).places
+    for name, (force, moment, axes) in wrenches.items():
+        slot, point, _, turn = places[chain.body_index[name]]
+        turns = axes == 'body'
+        if turns:   # about the link's joint point, so that its moment is a constant
+            force = force * turn
+            moment, point = moment + (point.conjugate() * force).imag, 0j
+        if slot:
+            told.append((slot, turns, point, force, moment))
+    return told
+
+
+def with_payload(chain: Chain, body: str, mass: float, position, inertia_com: float, name: str) -> Chain:
+    """
+    Return the chain with a payload welded to a body: its mass centre, m, in that body's frame, inertia about that.
+
+    ValueError: no such body, a name that a body has, a number that is not finite or too small.
+    """
+    carrier = index_of(chain, body)
+    place = plane_vector('position', position)
+    mass, inertia_com = _number('mass', mass), _number('inertia_com', inertia_com)
+    if not mass > 0.0 or not inertia_com >= 0.0:
+        raise ValueError(f'payload {name!r:.80} has a mass of {mass!r} kg and an inertia of {inertia_com!r} kg m^2, '
+                         'must have > 0 and >= 0')
+    if not isinstance(name, str) or not name or name in [each.name for each in chain.bodies]:
+        raise ValueError(f'name is {name!r:.80}, must be a string and not the name of a body of {chain.name}')
+    return altered(chain, bodies=(*chain.bodies, Body(name, carrier, place, 0.0, mass, 0j, inertia_com, inertia_com)))
+
+
+def without_payload(chain: Chain, own: int, name: str) -> Chain:
+    """Return the chain without a payload; the first `own` bodies are none. ValueError: no such payload, one in use."""
+    bodies = chain.bodies
+    payloads = [body.name for body in bodies[own:]]
+    if name not in payloads:
+        there = ', '.join(payloads) or 'there is none'
+        raise ValueError(f'payload is {name!r:.80}, must be one that is attached: {there}')
+    gone = own + payloads.index(name)
+    if any(body.carrier == gone for body in bodies):
+        raise ValueError(f'payload {name!r} carries another one, which must be dropped first')
+    return altered(chain, bodies=tuple(
+        replace(body, carrier=body.carrier - 1) if body.carrier > gone else body
+        for k, body in enumerate(bodies) if k != gone))

@@ -1,0 +1,116 @@
+"""
+EnergyBalance: the energy a run has, against what it had and what went in and out: d(T + V)/dt = tau q' - losses.
+
+The work of an effort that is constant within a tick is tau (q_1 - q_0), exactly. What a law without stored energy takes
+is the integral of d q'^2 over the tick, by Simpson's rule with the middle rate of the cubic that both ends define,
+3/2 (q_1 - q_0)/h - 1/4 (q'_0 + q'_1): an error of O(step^4). So is the work of a force that turns with its body.
+"""
+from __future__ import annotations
+
+from typing import Callable
+
+import numpy as np
+
+from ..chain.chain import Chain
+from ..chain.tree import BASE
+from ..mechanics.dynamics import energy
+
+ROWS = 1024  # ticks between two sums
+
+
+class EnergyBalance:
+    """
+    Sums over the ticks since restart().
+
+    error: J, energy in excess of what the balance says; size: J, the largest of its terms, at least 1e-300.
+    Both are of the last fold(). `read`: turns a list of what add() took into an array (ticks, 3, joints).
+    """
+
+    def __init__(self, chain: Chain, step: float, position, velocity, read: Callable[[list], np.ndarray] = np.array):
+        self._step, self._read, self._rows = step, read, []
+        self._forces = {}   # index of a body -> force and moment on it over each tick
+        self.restart(chain, position, velocity)
+
+    def restart(self, chain: Chain, position, velocity) -> None:
+        """Begin anew from a state (joints,), where the chain or the state was changed from outside."""
+        self._chain = chain
+        self._rows.clear()
+        self._damping = np.array([joint.damping for joint in chain.joints])
+        self._friction = np.array([joint.friction for joint in chain.joints])
+        self._last = np.array([position, velocity])
+        self._start = sum(energy(chain, position, velocity))
+        self._work = self._loss = self.error = 0.0
+        self.size = max(abs(self._start), 1e-300)
+
+    def push(self, body: str, force, moment: float) -> None:
+        """Let a force [x, y], N, at a body's joint point, in its axes, and a moment, N m, act from the last tick on."""
+        index = [each.name for each in self._chain.bodies].index(body)
+        forces, moments = self._forces.setdefault(index, (np.zeros(ROWS, complex), np.zeros(ROWS)))
+        done = len(self._rows)
+        forces[done:], moments[done:] = complex(*force), moment
+
+    def release(self) -> None:
+        """Take all forces and moments away; what they did since the last fold() is forgotten, so restart() next."""
+        self._forces.clear()
+
+    def add(self, row) -> None:
+        """Take position and velocity at the end of one more tick and the effort that acted over it, for `read`."""
+        self._rows.append(row)
+        if len(self._rows) == ROWS:
+            self.fold()
+
+    def fold(self) -> None:
+        """Bring the sums and the error up to the last tick; both may overflow before the state itself does."""
+        if self._rows:
+            with np.errstate(all='ignore'):
+                self._fold()
+
+    def _fold(self) -> None:
+        rows, count = self._read(self._rows), len(self._rows)
+        self._rows.clear()
+        position, velocity = (np.vstack((last, ends)) for last, ends in zip(self._last, rows[:, :2].swapaxes(0, 1)))
+        self._last = rows[-1, :2].copy()
+        travel = np.diff(position, axis=0)
+        middle = 1.5 / self._step * travel - 0.25 * (velocity[1:] + velocity[:-1])
+        self._work += float((rows[:, 2] * travel).sum())
+        for index, (force, moment) in self._forces.items():
+            self._work += self._work_of(index, force[:count], moment[:count], position, velocity)
+            force[:], moment[:] = force[-1], moment[-1]
+        for law in (lambda rate: self._damping * rate**2, lambda rate: self._friction * abs(rate)):
+            self._loss += self._step / 6.0 * float((law(velocity[:-1]) + 4.0 * law(middle) + law(velocity[1:])).sum())
+        kinetic, potential = energy(self._chain, position[-1], velocity[-1])
+        self.error = kinetic + potential - self._start - self._work + self._loss
+        self.size = max(self.size, kinetic, abs(potential), abs(self._work), self._loss)
+
+    def _work_of(self, index: int, force, moment, position, velocity) -> float:
+        """Return the work of a wrench on a body, J, over the ticks between rows of joint states."""
+        step = self._step
+        place, rate, angle, turning = _motion_of(self._chain, index, position, velocity)
+        travel = np.diff(place)
+        middle = 1.5 / step * travel - 0.25 * (rate[1:] + rate[:-1])
+        middle_angle = 0.5 * (angle[1:] + angle[:-1]) + step / 8.0 * (turning[:-1] - turning[1:])
+        along = np.exp(-1j * angle) * rate   # in the body's own axes, in which the force stands
+        along = along[:-1] + 4.0 * np.exp(-1j * middle_angle) * middle + along[1:]
+        return float((step / 6.0 * (force.conjugate() * along).real + moment * np.diff(angle)).sum())
+
+
+def _motion_of(chain: Chain, index: int, position, velocity) -> tuple:
+    """Return place and rate of a body's joint point, m and m/s, its angle and rate, for rows (n, joints) of states."""
+    names, path = chain.joint_names, []
+    while index != BASE:
+        path.append(chain.bodies[index])
+        index = chain.bodies[index].carrier
+    place = rate = np.zeros(len(position), complex)
+    angle = turning = np.zeros(len(position))
+    for body in reversed(path):
+        turn, reach, reaching = np.exp(1j * angle), body.origin, 0.0
+        if body.slide:
+            slide, along = names.index(body.slide.name), np.exp(1j * body.slide.axis)
+            reach, reaching = reach + position[:, slide] * along, velocity[:, slide] * along
+        place, rate = place + reach * turn, rate + (reaching + 1j * turning * reach) * turn
+        angle = angle + body.angle
+        if body.rotation:
+            rotation = names.index(body.rotation.name)
+            angle = angle + body.rotation.axis * position[:, rotation]
+            turning = turning + body.rotation.axis * velocity[:, rotation]
+    return place, rate, angle, turning

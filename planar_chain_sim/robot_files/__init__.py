@@ -1,0 +1,1 @@
+"""Robots of other formats, URDF and MJCF, read as chains and written from them."""
