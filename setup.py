@@ -69,6 +69,7 @@ setup(
         ],
         'test': [
             'pytest',
+            'pandas',                    # Log.to_pandas
             'hypothesis',                # random chains, files and messages
             'mpmath',                    # 50-digit reference values
             'sympy',                     # Lagrange's equations from positions alone, symbolically
