@@ -80,6 +80,12 @@ def refuse_hold(options) -> None:
         raise Mistake('--hold is for chain files, but the file given is a log')
 
 
+def refuse_existing(path: str) -> None:
+    """Raise Mistake for the name of an output that is a file already."""
+    if os.path.isfile(path):
+        raise Mistake(f'{path!r}: the file exists and is not overwritten, give a new name')
+
+
 def run_command(program: str, body: Callable[[Optional[Sequence[str]]], int],
                 arguments: Optional[Sequence[str]]) -> int:
     """

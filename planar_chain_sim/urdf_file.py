@@ -1,13 +1,12 @@
 """The executable `urdf`: writes a chain as a URDF file."""
 from __future__ import annotations
 
-from pathlib import Path
 import sys
 import warnings
 
 from .chain.section import clipped
 from .chain_file import load_chain
-from .command_line import add_hold, Parser, run_command, write_document
+from .command_line import add_hold, Parser, refuse_existing, run_command, write_document
 from .errors import Mistake, RobotFileNote
 from .robot_files.urdf_writer import COMMANDS, left_out, STATES, TOPIC, urdf_of
 
@@ -39,8 +38,7 @@ def _write(arguments) -> int:
         write_document(text)
         return 0
     try:
-        if Path(options.output).is_file():
-            raise Mistake(f'{options.output!r}: the file exists and is not overwritten, give a new name')
+        refuse_existing(options.output)
         with open(options.output, 'w', encoding='utf-8') as stream:
             stream.write(text)
     except (OSError, ValueError) as error:

@@ -5,7 +5,7 @@ import sys
 
 from .motion import draw_motion
 from ..chain_file import load_chain
-from ..command_line import add_hold, Parser, refuse_hold, run_command
+from ..command_line import add_hold, Parser, refuse_existing, refuse_hold, run_command
 from ..errors import Mistake
 from ..motion.rollout import rollout
 
@@ -31,12 +31,13 @@ def _picture(arguments) -> int:
         raise Mistake(f'{options.output!r}: must end in {" or ".join(map(repr, PICTURES))}')
     if not STEP <= options.duration <= LONGEST:
         raise Mistake(f'--duration is {options.duration:g} s, must be from {STEP:g} to {LONGEST:g} s')
+    refuse_existing(options.output)
     try:
         if options.chain.endswith('.mcap'):
             refuse_hold(options)
             from .log import draw_log
-            from ..recording.log_reader import read_log
-            draw_log(read_log(options.chain), options.output)
+            from ..recording.log import load_log
+            draw_log(load_log(options.chain), options.output)
         else:
             chain = load_chain(options.chain, options.hold)
             draw_motion(chain, rollout(chain, round(options.duration / STEP) * STEP, STEP), options.output)

@@ -15,7 +15,7 @@ from .text_document import text_document
 from ..chain.chain import Chain
 from ..chain.section import clipped
 from ..chain_file import load_chain
-from ..command_line import add_hold, Parser, refuse_hold, run_command, write_document
+from ..command_line import add_hold, Parser, refuse_existing, refuse_hold, run_command, write_document
 from ..errors import Mistake
 
 FORMATS = {'text': text_document, 'latex': latex_document, 'json': json_document}
@@ -57,6 +57,8 @@ def _equations(arguments) -> int:
     options = _parser().parse_args(arguments)
     if options.picture is not None and Path(options.picture).suffix not in PICTURES:
         raise Mistake(f'--picture {options.picture!r}: must end in {" or ".join(map(repr, PICTURES))}')
+    if options.picture is not None:
+        refuse_existing(options.picture)
     if options.time is not None and options.state is not None:
         raise Mistake('--state and --time both give a state, must be one of them')
     chain, state, title = _chain_and_state(options)

@@ -139,6 +139,22 @@ def test_odd_arguments_of_replay():
     assert refused > 100
 
 
+@pytest.mark.parametrize('name, arguments', [
+    ('rollout', [ROBOT, '--output']), ('urdf', [ROBOT, '--output']), ('pictures', [ROBOT]), ('pictures', ['run.mcap']),
+    ('equations', [ROBOT, '--picture']), ('equations', ['run.mcap', '--time', '0.01', '--picture'])])
+def test_an_output_that_exists_is_not_overwritten(name, arguments, folder, monkeypatch, capsys):
+    """Which may be the input, that is lost then."""
+    monkeypatch.chdir(folder)
+    output = 'kept.png'
+    Path(output).write_text('precious')
+    assert DOORS[name]([*arguments, output]) == 2
+    said = capsys.readouterr().err
+    is_one_sentence(name, said)
+    assert "kept.png" in said and 'the file exists and is not overwritten, give a new name' in said
+    assert Path(output).read_text() == 'precious'
+    Path(output).unlink()
+
+
 @pytest.mark.parametrize('name', MODULES)
 @pytest.mark.parametrize('arguments', [['--no-such-option'], ['a', 'b', 'c', 'd'], ['\u4e2d\udcff', '\n']])
 def test_every_executable_refuses_in_one_sentence(name, arguments, tmp_path):

@@ -136,7 +136,7 @@ def test_picture_takes_any_name_and_a_state_at_which_all_is_zero(tmp_path, capsy
     chain.write_text("name: '$x_{$'\nbodies:\n- {name: 'a$b', carrier: base, mass: 1, inertia: 1, "
                      "slide: {joint: 'a $_^% b$', axis: 0}}\n")
     for state in ([], ['--state', '0']):
-        printed(capsys, str(chain), '--picture', str(tmp_path / 'odd.png'), *state)
+        printed(capsys, str(chain), '--picture', str(tmp_path / f'odd{len(state)}.png'), *state)
 
 
 @pytest.mark.parametrize('arguments, said', [
