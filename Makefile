@@ -32,7 +32,7 @@ run: $(RUN_READY)
 help:
 	@echo 'make run      simulate until Ctrl-C; ARGS="double_pendulum.yaml --ros-args -p rate:=500.0" are arguments'
 	@echo 'make test     run the tests; ARGS="test/ros/test_node.py -k pause" are arguments of pytest'
-	@echo 'make lint     flake8 and compiler warnings'
+	@echo 'make lint     style, types and compiler warnings'
 	@echo 'make colcon   build as a ROS 2 workspace does, below build/'
 	@echo 'make bench    measure accuracy and speed beside other libraries, half an hour, into build/benchmark'
 	@echo 'make soak     long tests: scenes, signals, floods, ten minutes under load'
@@ -45,7 +45,8 @@ test: $(TEST_READY)
 	$(PY) -m pytest $(ARGS)
 
 lint: $(TEST_READY)
-	$(PY) -m flake8
+	$(VENV)/bin/ruff check
+	$(PY) -m pycodestyle .
 	$(CXX) -std=c++17 -fvisibility=hidden -fsyntax-only -Wall -Wextra -Wpedantic -Werror $(KERNEL)/bindings.cpp \
 	  $$($(PY) -c 'import pybind11, sysconfig; print("-isystem", sysconfig.get_path("include"), "-isystem", pybind11.get_include())')
 

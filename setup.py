@@ -82,7 +82,7 @@ setup(
             'colcon-common-extensions',  # the ROS 2 build, both layouts
             'setuptools<80',             # 80 dropped `develop --editable`, without which colcon cannot symlink
             'pybind11>=2.11',            # colcon builds without isolation
-            'flake8', 'flake8-docstrings', 'flake8-import-order', 'flake8-quotes',  # the rules of ament_lint
+            'ruff', 'pycodestyle',       # the rules of ament_flake8 and ament_pep257
         ],
         'benchmark': [
             'mujoco', 'pin', 'scipy',    # peers; `drake` is measured too where it is installed

@@ -17,7 +17,7 @@ from .chain.hold import Hold, read_hold
 from .chain.section import clipped, plain, suggestion
 from .chain.yaml_text import data_from_text, decoded, MAX_BYTES, refuse_unprintable, text_of
 from .errors import ChainError
-from .mechanics import solvable   # noqa: F401 (the check of a chain that it adds)
+from .mechanics import solvable  # noqa: F401 (the check of a chain that it adds)
 from .robot_files.robot_file import refuse_other_formats
 
 __all__ = ['chain_from_dict', 'chain_from_text', 'config_folders', 'find_chain_file', 'load_chain']
@@ -57,7 +57,7 @@ def chain_from_text(text: Union[str, bytes], name: str = '<text>', hold: Hold = 
         text = decoded(text, name)
     refuse_unprintable(text, name)
     if text.lstrip().startswith('<'):   # no YAML mapping does
-        from .robot_files.robot_file import chain_from_robot_file   # which most users of chain files do not need
+        from .robot_files.robot_file import chain_from_robot_file  # which most users of chain files do not need
         return chain_from_robot_file(text, name, read_hold(hold))
     data = data_from_text(text, name)
     if hold:

@@ -139,6 +139,7 @@ def taylor_motion(chain: Chain, duration: float, position, velocity) -> tuple[li
     """Return joint positions and velocities after `duration` s from heyoka in multiple precision, as mpmath numbers."""
     import heyoka
     from mpmath import mp
+
     from .peers.heyoka_expressions import articulated_bodies
 
     bits = round(DIGITS * 3.33)

@@ -79,6 +79,7 @@ def _control(process, seconds: float, joints: int) -> Watch:
         from rclpy.node import Node
         from sensor_msgs.msg import JointState
         from std_msgs.msg import Float64MultiArray
+
         from ..ros.messages import PolledGroup
     except ImportError as error:
         raise Mistake(f'the node is measured with ROS 2, which cannot be loaded ({error})') from None

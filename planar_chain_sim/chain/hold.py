@@ -71,7 +71,7 @@ def held_at(name: str, value, slide: bool, file: str = '') -> Optional[float]:
 
 def weld(bodies: list[Body], hold: dict) -> list[Body]:
     """Return the bodies with the joints that `hold` names welded; ChainError for one that they do not have."""
-    from .._kernel import unit_vector   # load-time trigonometry through the kernel's own functions
+    from .._kernel import unit_vector  # load-time trigonometry through the kernel's own functions
     joints = {joint.name: joint for body in bodies for joint in (body.slide, body.rotation) if joint}
     for name, value in hold.items():
         if name not in joints:

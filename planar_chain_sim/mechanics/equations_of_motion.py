@@ -29,7 +29,6 @@ from .joint_forces import passive_effort
 from .path_matrix import incidence_matrix, motion_of_joints, path_matrix, shared_mass_matrix
 from ..chain.chain import Chain
 
-
 TURN = 2 * Fraction('3.14159265358979323846264338327950288419716939937510582097494459')
 
 

@@ -9,7 +9,6 @@ from .dynamics import no_acceleration
 from .plan import plan_of
 from ..chain.chain import Chain
 
-
 # In the order of `enum class Refusal` (kernel/python/model.hpp); a joint that stands still has a sentence of its own.
 _WHY_NOT = (None, 'the configuration is singular', 'the acceleration is not finite',
             'the derivatives of the acceleration are not finite')

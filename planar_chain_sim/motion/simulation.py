@@ -10,7 +10,15 @@ from warnings import warn
 import numpy as np
 
 from .integrators import (
-    choose_method, DEFAULT_TOLERANCE, LEAST_TOLERANCE, method_data, METHODS, STIFF, taylor_order, UNROLLED_SERIES)
+    choose_method,
+    DEFAULT_TOLERANCE,
+    LEAST_TOLERANCE,
+    method_data,
+    METHODS,
+    STIFF,
+    taylor_order,
+    UNROLLED_SERIES,
+)
 from .stiffness import damping_rate, step_limit
 from .. import _kernel
 from ..chain.chain import altered, Chain

@@ -17,6 +17,7 @@ from zlib import crc32
 
 from .mcap_library import require_mcap
 from ..errors import LogError
+
 try:
     import lz4.frame
     from mcap import records

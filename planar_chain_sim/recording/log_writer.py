@@ -19,6 +19,7 @@ from .mcap_library import require_mcap
 from .message_types import MESSAGE_TYPES
 from .rosbag2_profile import bag_information, Channel, channel_metadata, NO_TIME
 from ..errors import LogError
+
 try:
     from .mcap_file import CHUNK_SIZE, McapFile
 except ImportError:

@@ -58,7 +58,7 @@ def _rollout_to_file(arguments) -> int:
     effort = None if options.effort is None else read_efforts(options.effort, chain)
     ticks, effort = _ticks(options, simulation.step, effort)
     path = options.output or f'{Path(options.chain).stem}.mcap'
-    from tqdm import tqdm   # the progress bar; not needed where rollout is a function
+    from tqdm import tqdm  # the progress bar; not needed where rollout is a function
     tell(f'{chain.name}: {simulation.plan}')
     began = perf_counter()
     stops = []   # signals: an exception in the midst of a record would tear the log

@@ -10,7 +10,18 @@ from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.parameter import Parameter
 
 from .parameters import (
-    check_for_chain, check_quantity, check_together, checked, idle, NUMBERS, numbers_of, PARAMETERS, Row, ROWS, Value)
+    check_for_chain,
+    check_quantity,
+    check_together,
+    checked,
+    idle,
+    NUMBERS,
+    numbers_of,
+    PARAMETERS,
+    Row,
+    ROWS,
+    Value,
+)
 from ..chain.quantities import QUANTITIES
 from ..errors import Mistake
 

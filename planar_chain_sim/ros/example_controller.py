@@ -62,6 +62,7 @@ def control(own_arguments, ros_arguments, stop) -> None:
     with ExitStack() as ending:
         node = start_node('example_controller', ros_arguments, ending)
         from rclpy.executors import SingleThreadedExecutor
+
         from ..errors import ChainError
         try:
             answer_states(node, *controller_of(node))

@@ -151,6 +151,7 @@ def serve(node, ending, stop, simulator, chain, urdf, values, log, ends) -> None
     inputs, outputs = ends
     if 'description' in publishers:
         from std_msgs.msg import String
+
         from ..robot_files.urdf_writer import urdf_of
         publishers['description'].publish(String(data=urdf or urdf_of(
             chain, inputs['joint_commands'].topic_name, outputs['state'].topic_name)))

@@ -100,6 +100,7 @@ def begin_of(message, options) -> int:
 def create_publisher(node, topic: str, type_name: str):
     """Create a publisher for recorded bytes of a type by its name; Mistake: ROS refuses the topic."""
     from rclpy.exceptions import InvalidTopicNameException
+
     from .messages import INPUTS
     from ..errors import Mistake
     message = next(row.message for row in INPUTS.values() if row.type_name == type_name)

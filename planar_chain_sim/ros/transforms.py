@@ -12,7 +12,7 @@ PERIOD = 1.0 / 50.0  # s
 def check_installed() -> None:
     """Raise the Mistake that says what is missing where TF cannot be published."""
     try:
-        import tf2_msgs.msg   # noqa: F401
+        import tf2_msgs.msg  # noqa: F401
     except ImportError:
         raise Mistake("parameter 'publish_tf' is true, which needs tf2_msgs (apt install ros-jazzy-tf2-msgs), "
                       'must be false where that is not installed') from None

@@ -1,6 +1,5 @@
 """Stops and dry friction: oracle, invariant, order and equality tests of what happens between smooth stretches."""
 import dataclasses
-
 import subprocess
 import sys
 

@@ -6,8 +6,15 @@ import numpy as np
 import pytest
 
 from planar_chain_sim.recording.cdr import (
-    CdrError, decode_float64_multi_array, decode_joint_state, decode_string, decode_wrench_stamped,
-    encode_float64_multi_array, encode_string, JointStateLayout)
+    CdrError,
+    decode_float64_multi_array,
+    decode_joint_state,
+    decode_string,
+    decode_wrench_stamped,
+    encode_float64_multi_array,
+    encode_string,
+    JointStateLayout,
+)
 
 # What rclpy of ROS 2 Jazzy writes for two joints 'a' and 'bcd', frame 'base', stamp 1.5 s; alignment gaps set to zero.
 GOLDEN = bytes.fromhex(

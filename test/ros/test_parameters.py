@@ -31,7 +31,6 @@ from planar_chain_sim.ros.declaration import declare_chain_parameters, declare_p
 from planar_chain_sim.ros.node import simulate
 from planar_chain_sim.ros.parameters import PARAMETERS
 
-
 CHAIN = load_chain('double_pendulum.yaml')
 JOINTS = list(CHAIN.joint_names)
 

@@ -11,7 +11,11 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from planar_chain_sim.recording.cdr import (
-    decode_float64_multi_array, encode_float64_multi_array, encode_string, JointStateLayout)
+    decode_float64_multi_array,
+    encode_float64_multi_array,
+    encode_string,
+    JointStateLayout,
+)
 from planar_chain_sim.recording.log_reader import read_log
 from planar_chain_sim.recording.log_writer import LogWriter
 from planar_chain_sim.recording.rollout import main as rollout

@@ -21,8 +21,14 @@ def drake_plant(chain: Chain):
     from pydrake.math import RigidTransform, RollPitchYaw
     from pydrake.multibody.plant import MultibodyPlant
     from pydrake.multibody.tree import (
-        FixedOffsetFrame, PrismaticJoint, PrismaticSpring, RevoluteJoint, RevoluteSpring, RotationalInertia,
-        SpatialInertia)
+        FixedOffsetFrame,
+        PrismaticJoint,
+        PrismaticSpring,
+        RevoluteJoint,
+        RevoluteSpring,
+        RotationalInertia,
+        SpatialInertia,
+    )
     if any(joint.armature for joint in chain.joints):
         raise ValueError(f'{chain.name}: armature is not passed on')
     plant = MultibodyPlant(time_step=0.0)

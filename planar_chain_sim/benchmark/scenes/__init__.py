@@ -73,6 +73,7 @@ class MuJoCoRun:
 
     def __init__(self, chain: Chain, step: float, integrator: str = 'implicitfast'):
         import mujoco
+
         from ..peers.mujoco_peer import mujoco_model
         mujoco.set_mju_user_warning(lambda text: None)   # else it writes a file where one stands
         self._mujoco, self._model = mujoco, mujoco_model(chain, constrained=True)
