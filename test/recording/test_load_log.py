@@ -11,8 +11,12 @@ from oracles.random_trees import random_state, random_tree
 import pytest
 
 import planar_chain_sim as pcs
-from planar_chain_sim.recording.cdr import (decode_joint_state, encode_float64_multi_array, encode_string,
-                                            JointStateLayout)
+from planar_chain_sim.recording.cdr import (
+    decode_joint_state,
+    encode_float64_multi_array,
+    encode_string,
+    JointStateLayout,
+)
 from planar_chain_sim.recording.events import encode_event
 from planar_chain_sim.recording.log_reader import read_log
 from planar_chain_sim.recording.log_writer import LogWriter
