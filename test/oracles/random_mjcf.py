@@ -64,7 +64,7 @@ class RandomMjcf:
                 '<default class="light"><geom type="capsule" size="0.05 0.2"/></default></default>')
 
     def pose(self):
-        """Return attributes of a random pose and the rotation matrix that MuJoCo makes of them."""
+        """Return the attributes of a random pose: its place and how it is turned."""
         random, text = self.random, ''
         kind = random.choice(['', 'quat', 'axisangle', 'euler', 'xyaxes', 'zaxis'])
         if kind == 'quat':
@@ -78,25 +78,30 @@ class RandomMjcf:
         elif kind == 'zaxis':
             text = f'zaxis="{digits(self.random.choice([0.0, 1.0], 3) if random.random() < 0.1 else self.unit())}"'
             text = text if '0.0 0.0 0.0' not in text else ''
-        model = mujoco.MjModel.from_xml_string(f'<mujoco><compiler {self.compiler_pose}/><worldbody><body {text}/>'
+        return f'pos="{digits(random.normal(0, 0.4, 3))}" {text}'
+
+    def turn(self, pose):
+        """Return the rotation matrix that MuJoCo makes of the attributes of a pose."""
+        model = mujoco.MjModel.from_xml_string(f'<mujoco><compiler {self.compiler_pose}/><worldbody><body {pose}/>'
                                                '</worldbody></mujoco>')
         turn = np.zeros(9)
         mujoco.mju_quat2Mat(turn, model.body_quat[1])
-        return f'pos="{digits(random.normal(0, 0.4, 3))}" {text}', turn.reshape(3, 3)
+        return turn.reshape(3, 3)
 
     def body(self, turn, depth):
         random = self.random
         self.bodies += 1
         name = f'b{self.bodies}'
-        pose, own = self.pose()
-        turn = turn @ own
+        pose = self.pose()
+        turn = turn @ self.turn(pose)
         childclass = random.choice(['', '', ' childclass="heavy"', ' childclass="inner"', ' childclass="light"'])
         parts = [self.joint(turn) for _ in range(random.choice([0, 1, 1, 1, 1, 2, 3]))]
         parts += [self.geom() for _ in range(random.integers(1, 4))]
         if random.random() < 0.3:
             parts.append(self.inertial())
         if random.random() < 0.3:
-            frame, frame_turn = self.pose()
+            frame = self.pose()
+            frame_turn = self.turn(frame)
             parts.append(f'<frame {frame}>{self.geom()}{self.joint(turn @ frame_turn)}'
                          f'{self.body(turn @ frame_turn, depth + 1) if depth < 2 else ""}</frame>')
         parts += [self.body(turn, depth + 1) for _ in range(random.integers(0, 3) if depth < 2 else 0)]
@@ -129,7 +134,7 @@ class RandomMjcf:
     def geom(self):
         random = self.random
         kind = str(random.choice([*SHAPES, 'default']))
-        pose, _ = self.pose()
+        pose = self.pose()
         small = 0.1 if self.contacts else 1.0
         says = [f'group="{random.integers(0, 5)}"'] if random.random() < 0.3 else []
         if random.random() < 0.5:
@@ -152,7 +157,7 @@ class RandomMjcf:
 
     def inertial(self):
         random = self.random
-        pose, _ = self.pose()
+        pose = self.pose()
         mass = f'mass="{digits(random.uniform(0.2, 3))}"'
         if random.random() < 0.5:
             a, b = random.uniform(0.05, 0.3, 2)
