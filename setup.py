@@ -67,13 +67,14 @@ setup(
             'ros-jazzy-common-interfaces',   # sensor_msgs, std_msgs, std_srvs, diagnostic_msgs, visualization_msgs
             'ros-jazzy-rmw-fastrtps-cpp',    # a real DDS: Jazzy's default
         ],
+        'pictures': ['matplotlib', 'pillow'],   # animate, pictures, equations --picture
         'test': [
             'pytest',
             'pandas',                    # Log.to_pandas
             'hypothesis',                # random chains, files and messages
             'mpmath',                    # 50-digit reference values
             'sympy',                     # Lagrange's equations from positions alone, symbolically
-            'matplotlib',                # pictures: that they can be drawn
+            'matplotlib', 'pillow',      # pictures: that they can be drawn
             'mujoco', 'pin',             # independent dynamics libraries as oracles
             'yourdfpy', 'urdfdom-py',    # independent readers of URDF, the second is ROS's own in Python
             'xacro',                     # robot files are expanded with it where it is installed
@@ -88,7 +89,7 @@ setup(
             'mujoco', 'pin', 'scipy',    # peers; `drake` is measured too where it is installed
             'heyoka', 'mpmath',          # Taylor integrator, a peer; references in many digits
             'cmeel-eigen<4',             # headers with which pin's are compiled
-            'matplotlib',                # pictures
+            'matplotlib', 'pillow',      # pictures
         ],
     },
     entry_points={'console_scripts': [
@@ -100,5 +101,6 @@ setup(
         f'benchmark = {NAME}.benchmark.command_line:main',
         f'equations = {NAME}.symbolic.command_line:main',
         f'urdf = {NAME}.urdf_file:main',
+        f'animate = {NAME}.pictures.animation:main',
     ]},
 )

@@ -9,7 +9,7 @@ from typing import NamedTuple, Optional
 import warnings
 
 from .table import shown, table_lines
-from ..command_line import Parser, run_command
+from ..command_line import Parser, PICTURES_NEED, run_command
 from ..errors import Mistake
 
 
@@ -102,7 +102,7 @@ def run_suite(name: str, table_file: Optional[Path], picture: Optional[Path], qu
         try:
             module.draw(table, picture)
         except ImportError as error:
-            raise Mistake(f'pictures need the extra [benchmark] ({error})') from None
+            raise Mistake(f'{error}: {PICTURES_NEED}') from None
 
 
 def _benchmark(arguments) -> int:

@@ -5,7 +5,7 @@ import sys
 
 from .motion import draw_motion
 from ..chain_file import load_chain
-from ..command_line import add_hold, Parser, refuse_existing, refuse_hold, run_command
+from ..command_line import add_hold, Parser, PICTURES_NEED, refuse_existing, refuse_hold, run_command
 from ..errors import Mistake
 from ..motion.rollout import rollout
 
@@ -46,7 +46,7 @@ def _picture(arguments) -> int:
             raise
         raise Mistake(f'{options.output!r}: {error.strerror}') from None
     except ImportError as error:
-        raise Mistake(f'{error}: pictures need the extra [benchmark]') from None
+        raise Mistake(f'{error}: {PICTURES_NEED}') from None
     return 0
 
 

@@ -35,5 +35,6 @@ def draw_motion(chain: Chain, run: Run, path: str, moments: int = 26, shown: flo
                 right.plot(run.time, run.position[:, names.index(joint.name)], style, color=colors[i][:3],
                            label=f'{joint.name}, {unit}')
     right.set(xlabel='time, s', title='joint positions', xlim=(0.0, run.time[-1]))
-    right.legend(frameon=False, fontsize=8, loc='upper right')
+    if len(names) <= 10:   # more would cover what they name
+        right.legend(frameon=False, fontsize=8, loc='upper right')
     finish(drawn, (left, right), path, 130)

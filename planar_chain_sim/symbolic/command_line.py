@@ -15,7 +15,7 @@ from .text_document import text_document
 from ..chain.chain import Chain
 from ..chain.section import clipped
 from ..chain_file import load_chain
-from ..command_line import add_hold, Parser, refuse_existing, refuse_hold, run_command, write_document
+from ..command_line import add_hold, Parser, PICTURES_NEED, refuse_existing, refuse_hold, run_command, write_document
 from ..errors import Mistake
 
 FORMATS = {'text': text_document, 'latex': latex_document, 'json': json_document}
@@ -146,7 +146,7 @@ def _draw(made: Equations, chosen, at, title: str, path: str) -> None:
     except OSError as error:
         raise Mistake(f'--picture {path!r}: {error.strerror}') from None
     except ImportError as error:
-        raise Mistake(f'--picture {path!r}: {error}, pictures need the extra [benchmark]') from None
+        raise Mistake(f'--picture {path!r}: {error}: {PICTURES_NEED}') from None
 
 
 if __name__ == '__main__':

@@ -13,7 +13,7 @@ import pytest
 import planar_chain_sim as pcs
 from planar_chain_sim import command_line, urdf_file
 from planar_chain_sim.benchmark import command_line as benchmark
-from planar_chain_sim.pictures import __main__ as pictures
+from planar_chain_sim.pictures import __main__ as pictures, animation
 from planar_chain_sim.recording import resimulation, rollout
 from planar_chain_sim.recording.log_reader import read_log
 from planar_chain_sim.symbolic import command_line as equations
@@ -21,9 +21,11 @@ from planar_chain_sim.symbolic import command_line as equations
 ROBOT = 'four_link_robot.yaml'
 MODULES = {'rollout': 'recording.rollout', 'resimulate': 'recording.resimulation', 'replay': 'ros.replay',
            'equations': 'symbolic.command_line', 'benchmark': 'benchmark.command_line', 'simulator': 'ros.node',
-           'example_controller': 'ros.example_controller', 'urdf': 'urdf_file', 'pictures': 'pictures.__main__'}
+           'example_controller': 'ros.example_controller', 'urdf': 'urdf_file', 'pictures': 'pictures.__main__',
+           'animate': 'pictures.animation'}
 DOORS = {'rollout': rollout.main, 'resimulate': resimulation.main, 'equations': equations.main,
-         'benchmark': benchmark.main, 'urdf': urdf_file.main, 'pictures': pictures.main}
+         'benchmark': benchmark.main, 'urdf': urdf_file.main, 'pictures': pictures.main,
+         'animate': animation.main}
 ODD = [
     '', ' ', '-', '--', '---', '-1', '-1,2,0', '-1e3,2,0,0,0', '0', '1e300', '-1e300', '1e-300', '1e309', 'nan',
     '-nan', 'inf', '-inf', '1_000', '0x10', '1,2', '1,,2', 'a=b', 'a=', '=1', '=', 'column_slide=1',
@@ -60,10 +62,11 @@ def odd_arguments(random, name):
              'equations': ['--format', '--joint', '--coordinate', '--state', '--time', '--numeric'],
              'benchmark': ['--csv', '--picture', '--folder', '--peers'],
              'urdf': ['--output', '--commands', '--states'],
-             'pictures': ['--duration']}[name]
+             'pictures': ['--duration'],
+             'animate': ['--output', '--duration', '--speed', '--size']}[name]
     first = {'rollout': [ROBOT], 'resimulate': ['run.mcap'], 'equations': [random.choice([ROBOT, 'run.mcap'])],
              'benchmark': [random.choice(['references', 'all', 'calls', 'nothing'])],
-             'urdf': [ROBOT], 'pictures': [ROBOT, 'out.svg']}[name]
+             'urdf': [ROBOT], 'pictures': [ROBOT, 'out.svg'], 'animate': [random.choice([ROBOT, 'run.mcap'])]}[name]
     arguments = list(first)
     for _ in range(random.randint(1, 3)):
         if flags and random.random() < 0.8:
@@ -75,12 +78,13 @@ def odd_arguments(random, name):
     return arguments
 
 
-@pytest.mark.parametrize('name', ['rollout', 'resimulate', 'equations', 'urdf', 'pictures'])
+@pytest.mark.parametrize('name', ['rollout', 'resimulate', 'equations', 'urdf', 'pictures', 'animate'])
 def test_odd_arguments_by_the_hundred(name, folder, monkeypatch, capsys):
     """In one process: 0 and a result, or 2 and one sentence. What was refused leaves no file."""
     monkeypatch.chdir(folder)
     monkeypatch.setattr(pcs.OfflineLog, 'advance', lambda *arguments: None)    # 1e9 s would take a while
     monkeypatch.setattr(pictures, 'draw_motion', lambda chain, run, path: None)
+    monkeypatch.setattr(animation, 'draw_animation', lambda *arguments: b'')
     random, refused, kept = Random(name), 0, set(folder.iterdir())
     for _ in range(400):
         arguments = odd_arguments(random, name)
