@@ -174,8 +174,8 @@ def _frames(duration: float, speed: float) -> int:
     """Return the number of frames after the first one; Mistake: too many."""
     frames = min(duration / speed / FRAME, 1e9)
     if not 1.0 <= frames <= MOST_FRAMES:
-        raise Mistake(f'{duration:g} s at the speed {speed:g} are {frames:.3g} frames, must be from 1 to {MOST_FRAMES}, '
-                      f'of which {1 / FRAME:.0f} are shown a second: give another --duration or --speed')
+        raise Mistake(f'{duration:g} s at the speed {speed:g} are {frames:.3g} frames, must be from 1 to {MOST_FRAMES}'
+                      f', of which {1 / FRAME:.0f} are shown a second: give another --duration or --speed')
     return round(frames)
 
 
