@@ -9,9 +9,11 @@ FOLDER := $(shell pwd | cksum | cut -d ' ' -f 1)
 RUN_READY := $(VENV)/run-ready-$(FOLDER)
 TEST_READY := $(VENV)/test-ready-$(FOLDER)
 BENCH_READY := $(VENV)/bench-ready-$(FOLDER)
+DOCS_READY := $(VENV)/docs-ready-$(FOLDER)
 RUN_EXTRAS := ros,pictures
 TEST_EXTRAS := ros,test
 BENCH_EXTRAS := ros,benchmark
+DOCS_EXTRAS := ros,pictures,docs
 SOURCES := setup.py pyproject.toml $(wildcard $(addprefix $(KERNEL)/,*.cpp */*.hpp */*/*.hpp))
 
 # The packages of a sourced ROS belong to its own Python; here everything comes from .venv.
@@ -23,7 +25,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # Stay on this machine unless told otherwise.
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
-.PHONY: run help test lint colcon bench soak fuzz races aarch64 clean
+.PHONY: run help test lint colcon docs bench soak fuzz races aarch64 clean
 .NOTPARALLEL:
 
 run: $(RUN_READY)
@@ -34,6 +36,7 @@ help:
 	@echo 'make test     run the tests; ARGS="test/ros/test_node.py -k pause" are arguments of pytest'
 	@echo 'make lint     style, types and compiler warnings'
 	@echo 'make colcon   build as a ROS 2 workspace does, below build/'
+	@echo 'make docs     write the page of the Python API into build/docs'
 	@echo 'make bench    measure accuracy and speed beside other libraries, half an hour, into build/benchmark'
 	@echo 'make soak     long tests: scenes, signals, floods, ten minutes under load'
 	@echo 'make fuzz, make races, make aarch64    the kernel under memory and thread sanitizers, on ARM'
@@ -55,6 +58,10 @@ COLCON = PATH="$(CURDIR)/$(VENV)/bin:$$PATH" colcon --log-base build/log
 colcon: $(TEST_READY)
 	$(COLCON) build --build-base build/copied --install-base build/install-copied
 	$(COLCON) build --build-base build/linked --install-base build/install-linked --symlink-install
+
+# The page of the Python API; a warning of the generator ends it.
+docs: $(DOCS_READY)
+	$(PY) docs/api.py build/docs
 
 # All suites within half an hour on two cores; ARGS='work-precision --picture work.svg' for one of them.
 BENCH_FOLDER := build/benchmark
@@ -136,6 +143,10 @@ $(RUN_READY): $(SOURCES)
 $(TEST_READY): $(SOURCES)
 	$(call set_up,$(TEST_EXTRAS))
 	@touch $(RUN_READY) $(TEST_READY)
+
+$(DOCS_READY): $(SOURCES)
+	$(call set_up,$(DOCS_EXTRAS))
+	@touch $(RUN_READY) $(DOCS_READY)
 
 $(BENCH_READY): $(SOURCES)
 	$(call set_up,$(BENCH_EXTRAS))

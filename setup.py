@@ -70,6 +70,7 @@ setup(
         'pictures': ['matplotlib', 'pillow'],   # animate, pictures, equations --picture
         'test': [
             'pytest',
+            'pdoc',                      # the page of the Python API: that it can be written
             'pandas',                    # Log.to_pandas
             'hypothesis',                # random chains, files and messages
             'mpmath',                    # 50-digit reference values
@@ -85,6 +86,7 @@ setup(
             'pybind11>=2.11',            # colcon builds without isolation
             'ruff', 'pycodestyle',       # the rules of ament_flake8 and ament_pep257
         ],
+        'docs': ['pdoc'],               # make docs
         'benchmark': [
             'mujoco', 'pin', 'scipy',    # peers; `drake` is measured too where it is installed
             'heyoka', 'mpmath',          # Taylor integrator, a peer; references in many digits
