@@ -268,7 +268,7 @@ def test_options_in_the_text_exist():
                 printed = StringIO()
                 with redirect_stdout(printed), pytest.raises(SystemExit):
                     import_module(f'planar_chain_sim.{EXECUTABLES[words[0]]}').main(['--help'])
-                help_of[words[0]] = printed.getvalue()
+                help_of[words[0]] = re.findall(r'--[\w-]+', printed.getvalue())
             assert option in help_of[words[0]], f'{page.name}: {" ".join(words)}'
             seen += 1
     assert seen
