@@ -9,16 +9,15 @@ class Lagrange:
     T, V, dissipation and the work of efforts as SymPy makes them; no formula of the method appears here.
 
     Symbols: phi1, x1 or q1 with _d and _dd for derivatives, tau1 or f1; `constant(kind, body, number)` is the SymPy
-    value of a datum, by default the number.
+    value of a datum.
     """
 
-    def __init__(self, chain, absolute, constant=lambda kind, body, number: sympy.Float(number)):
+    def __init__(self, chain, absolute, constant):
         self.chain, self.absolute = chain, absolute
         self.coordinates, self.rates, self.accelerations = [], [], []
         self.potential = self.kinetic = self.dissipation = self.power = sympy.Integer(0)
         frames = {-1: (sympy.Integer(0), sympy.Integer(0), sympy.zeros(2, 1))}    # phi, phi', position of P
         self._moves = {}
-        self.friction = []                                                        # relative rate, magnitude
         for i, body in enumerate(chain.bodies):
             phi_, dphi_, place = frames[body.carrier]
             place = place + self._polar('r', 'gamma', i, body.origin, phi_, constant)
@@ -64,13 +63,12 @@ class Lagrange:
         return phi, dphi
 
     def _laws(self, i, joint, relative, rate, constant):
-        """Effort, spring, damper, friction and rotor act on the coordinate that the chain file's joint reads."""
+        """Effort, spring, damper and rotor act on the coordinate that the chain file's joint reads."""
         effort = sympy.Symbol(f'{"f" if joint.kind == "slide" else "tau"}{i + 1}', real=True)
         self.power += effort * rate
         self.potential += constant('k', i, joint.stiffness) * (relative - joint.rest)**2 / 2
         self.dissipation += constant('d', i, joint.damping) * rate**2 / 2
         self.kinetic += constant('Ia', i, joint.armature) * rate**2 / 2
-        self.friction.append((rate, joint.friction))
 
     def _add_body(self, i, body, center, dphi, constant):
         velocity = sympy.zeros(2, 1)
@@ -91,14 +89,5 @@ class Lagrange:
                       for other, other_rate, acceleration in zip(self.coordinates, self.rates, self.accelerations))
             row += (self.potential - self.kinetic).diff(coordinate) + self.dissipation.diff(rate)
             row -= self.power.diff(rate)
-            row += sum(size * sympy.sign(relative) * relative.diff(rate) for relative, size in self.friction if size)
             rows.append(row)
         return rows
-
-    def values(self, names):
-        """Return the residuals as numbers by coordinate; `names` gives every symbol's value."""
-        rows = self.residuals()
-        symbols = sorted(set().union(*(row.free_symbols for row in rows)), key=str)
-        evaluate = sympy.lambdify(symbols, rows, 'numpy', cse=True)
-        numbers = evaluate(*(names[str(symbol)] for symbol in symbols))
-        return {str(coordinate): float(number) for coordinate, number in zip(self.coordinates, numbers)}

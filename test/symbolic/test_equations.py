@@ -6,6 +6,7 @@ import re
 
 import numpy as np
 from oracles.lagrange import Lagrange
+from oracles.lagrange_numbers import LagrangeNumbers
 from oracles.random_trees import random_state, random_tree
 from printed import expression_of_latex, from_text, PlaneVector, READERS, vectors_of
 import pytest
@@ -177,7 +178,7 @@ def test_random_trees_are_lagrange_number_for_number(seed):
         state = equations.state(position, velocity, acceleration, effort)
         names = values_of(equations, state)
         if coordinates not in wanted:
-            wanted[coordinates] = Lagrange(chain, coordinates == 'absolute').values(names)
+            wanted[coordinates] = LagrangeNumbers(chain, coordinates == 'absolute').values(names)
         names.update(vectors_of(json.loads(json_document(equations)), math, names), dot=lambda u, v: u @ v,
                      cos=math.cos, sin=math.sin, sign=np.sign)
         for written, write in WRITERS.items():
