@@ -144,12 +144,13 @@ class Peer:
 
     def until(self, condition, what='the condition'):
         """Take messages and answers until `condition()` is true and return what it returns."""
-        end = time.monotonic() + PATIENCE
+        end, pause = time.monotonic() + PATIENCE, 0.001
         self.poll()
         while not (result := condition()):
             assert time.monotonic() < end, f'{what} has not come in {PATIENCE} s'
-            self.executor.spin_once(timeout_sec=0.001)
+            self.executor.spin_once(timeout_sec=pause)
             self.poll()
+            pause = min(1.2 * pause, 0.02)   # an answer that is soon there is seen at once, a long wait costs little
         return result
 
     def meet(self):

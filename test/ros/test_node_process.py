@@ -35,6 +35,7 @@ def starting(**parameters):
     end = time.monotonic() + PATIENCE
     while not catches(process, signal.SIGTERM):
         assert process.popen.poll() is None and time.monotonic() < end, process.output
+        time.sleep(0.001)
     return process
 
 

@@ -417,11 +417,11 @@ def slow(joints):
 
 
 def slow_here():
-    """Return such a chain with as many joints as make the first tick, of a second, take some eight on this machine."""
+    """Return such a chain with as many joints as make the first tick, of a second, take some five on this machine."""
     simulation = Simulation(chain_from_text(slow(72)), 'rodas5p', step=0.1, tolerance=1e-11)
     begun = process_time()
     simulation.advance(3)
-    return slow(min(max(40, round(72 * (8.0 / (5.0 * (process_time() - begun))) ** (1 / 3))), 250))
+    return slow(min(max(40, round(72 * (5.0 / (5.0 * (process_time() - begun))) ** (1 / 3))), 250))
 
 
 def until_refused(ask):
