@@ -50,6 +50,7 @@ test: $(TEST_READY)
 lint: $(TEST_READY)
 	$(VENV)/bin/ruff check
 	$(PY) -m pycodestyle .
+	$(VENV)/bin/mypy
 	$(CXX) -std=c++17 -fvisibility=hidden -fsyntax-only -Wall -Wextra -Wpedantic -Werror $(KERNEL)/bindings.cpp \
 	  $$($(PY) -c 'import pybind11, sysconfig; print("-isystem", sysconfig.get_path("include"), "-isystem", pybind11.get_include())')
 

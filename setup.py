@@ -44,7 +44,8 @@ setup(
                             '-pthread'],
         extra_link_args=['-pthread'],
     )],
-    package_data={f'{NAME}.benchmark': ['*.cpp', 'peers/*.cpp'],   # compiled when a benchmark needs them
+    package_data={NAME: ['py.typed', '*.pyi'],
+                  f'{NAME}.benchmark': ['*.cpp', 'peers/*.cpp'],   # compiled when a benchmark needs them
                   f'{NAME}.ros': ['fast_dds.xml']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
@@ -85,6 +86,7 @@ setup(
             'setuptools<80',             # 80 dropped `develop --editable`, without which colcon cannot symlink
             'pybind11>=2.11',            # colcon builds without isolation
             'ruff', 'pycodestyle',       # the rules of ament_flake8 and ament_pep257
+            'mypy',                      # types
         ],
         'docs': ['pdoc'],               # make docs
         'benchmark': [

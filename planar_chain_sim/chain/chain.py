@@ -52,7 +52,7 @@ class Chain(Tree):
     those of the numbers and names; `visual` is compared too.
     """
 
-    source: str = field(default=_Text(), compare=False, repr=False)
+    source: str = field(default=_Text(), compare=False, repr=False)   # type: ignore[assignment]
 
     @property
     def parameters(self) -> Mapping[str, float]:

@@ -101,7 +101,7 @@ def read_carrier(section, name, entries, indices) -> int:
         problem = 'a body that comes later'
     else:
         problem = f'no body of this chain{suggestion(carrier, ["base", *names])}'
-    section.fail('carrier', f"is {shown(carrier)}, {problem}, must be 'base' or the name of an earlier body")
+    return section.fail('carrier', f"is {shown(carrier)}, {problem}, must be 'base' or the name of an earlier body")
 
 
 def read_mass(section) -> tuple[float, complex, float, float]:

@@ -62,7 +62,7 @@ def held_at(name: str, value, slide: bool, file: str = '') -> Optional[float]:
     if not isinstance(value, str):
         return value
     angle = angle_of(value)
-    if slide or not isfinite(angle):
+    if slide or angle is None or not isfinite(angle):
         wanted = 'a number (m), as it slides' if slide else 'a finite one'
         where = f'{file}: ' if file else ''
         raise ChainError(f"{where}hold gives '{clipped(value)}' to joint '{clipped(name)}', must be {wanted}")

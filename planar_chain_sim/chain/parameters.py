@@ -18,7 +18,7 @@ OF_JOINTS = ('damping', 'stiffness', 'rest', 'friction', 'preload', 'armature', 
 
 def places_of(chain: Tree) -> dict[str, tuple]:
     """Return name -> place of every parameter: index of the body or None, kind of the joint or None, key, 0 or 1."""
-    places = {f'gravity.{axis}': (None, None, 'gravity', part) for axis, part in AXES.items()}
+    places: dict[str, tuple] = {f'gravity.{axis}': (None, None, 'gravity', part) for axis, part in AXES.items()}
     bodies, joints = {body.name for body in chain.bodies}, set(chain.joint_names)
 
     def prefix(name: str, what: str) -> str:

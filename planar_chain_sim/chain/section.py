@@ -189,7 +189,7 @@ def plain(value, path='', depth=0):
         try:
             return float(value)
         except OverflowError:
-            return inf if value > 0 else -inf
+            return inf if value > 0 else -inf   # type: ignore[operator]
     if isinstance(value, str):
         return plain_text(value, path)
     wanted = 'a mapping, a list, a string or a number'

@@ -7,6 +7,7 @@ twice are refused, nesting is bounded, and a text of any size or content ends in
 from __future__ import annotations
 
 import re
+from typing import Any
 
 import yaml
 from yaml import events
@@ -14,8 +15,8 @@ from yaml import events
 from .section import clipped, LinedDict, MAX_DEPTH, MAX_ITEMS, MAX_KEYS
 from ..errors import ChainError
 
-LOADER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
-DUMPER = getattr(yaml, 'CSafeDumper', yaml.SafeDumper)
+LOADER: Any = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
+DUMPER: Any = getattr(yaml, 'CSafeDumper', yaml.SafeDumper)
 MAX_BYTES = 16 * 2**20
 UNPRINTABLE = re.compile('[^\t\n\r -~\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]')   # YAML 1.2, rule [1]
 TAB = re.compile(' *\t')

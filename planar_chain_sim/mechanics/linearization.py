@@ -42,5 +42,5 @@ def linearize(chain: Chain, position, velocity, effort) -> Linearization:
         raise ValueError(f"velocity of joint '{chain.joint_names[joint]}' is 0.0, must not be: its friction has no "
                          'derivative where it stands still')
     if refusal:
-        raise no_acceleration(chain, joint, _WHY_NOT[refusal], position, velocity)
+        raise no_acceleration(chain, joint, str(_WHY_NOT[refusal]), position, velocity)
     return Linearization(A, B)

@@ -4,6 +4,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from os import PathLike
+from typing import Any
 
 from .joint_forces import has_stop, JOINT_FORCES
 from .kernel_model import kernel_model_of
@@ -21,7 +22,7 @@ DENSE_LINKS = 6
 class Plan:
     """`model`: the kernel's const data; `used`, `skipped`: the scene's features; str() is one line for a log."""
 
-    model: object
+    model: Any
     links: int
     joints: int
     used: tuple[str, ...]

@@ -31,7 +31,8 @@ def refuse_singular(chain: Chain, sections: Optional[list[Section]] = None) -> N
         chain.__dict__['_solvable'] = True
         return
     index = next(i for i, body in enumerate(chain.bodies) if name in [j.name for j in (body.slide, body.rotation) if j])
-    kind = 'slide' if chain.bodies[index].slide and chain.bodies[index].slide.name == name else 'rotation'
+    slide = chain.bodies[index].slide
+    kind = 'slide' if slide and slide.name == name else 'rotation'
     sections = sections or read_tree(data_of(chain), '')[1]
     why = lack_of_inertia(chain.bodies, index, kind)
     try:

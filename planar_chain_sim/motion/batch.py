@@ -4,7 +4,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 import os
-from typing import Optional, Sequence, Union
+from typing import Any, Optional, Sequence, Union
 
 import numpy as np
 
@@ -54,7 +54,9 @@ def rollout_batch(chain: Union[Chain, Sequence[Chain]], position=None, velocity=
     states alone. A scene that fails stops by itself, see BatchRun.failures. ValueError: bad shapes, values or
     arguments, as in Simulation and rollout.
     """
-    chains = list(chain) if isinstance(chain, Iterable) and not isinstance(chain, (str, bytes, Mapping)) else [chain]
+    chains: list[Any] = [chain]
+    if isinstance(chain, Iterable) and not isinstance(chain, (str, bytes, Mapping)):
+        chains = list(chain)
     if not chains:
         raise ValueError(f'chain is {chain!r:.80}, must be a Chain or a sequence of them')
     for each in chains:

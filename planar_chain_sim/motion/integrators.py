@@ -171,5 +171,5 @@ def method_data(method: Method, tolerance: Optional[float], fixed: float = 0.0):
 
     `fixed`, s: an adaptive method takes steps of this length instead of its own, so that its order can be measured.
     """
-    return _kernel.MethodData(method.family, method.order or taylor_order(tolerance), method.adaptive, tolerance or 0.0,
-                              fixed, method.tableau)
+    order = method.order or taylor_order(tolerance or DEFAULT_TOLERANCE)
+    return _kernel.MethodData(method.family, order, method.adaptive, tolerance or 0.0, fixed, method.tableau)

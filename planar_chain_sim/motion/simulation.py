@@ -83,7 +83,7 @@ class Checkpoint:
     @property
     def time(self) -> float:
         """Simulated time, s."""
-        return self.tick * self.step if self.between is None else self.between
+        return self.tick * (self.step or 0.0) if self.between is None else self.between
 
 
 def initial_state(chain: Chain) -> tuple[np.ndarray, np.ndarray]:
@@ -119,8 +119,9 @@ def resolve_method(chain: Chain, method: str, tolerance: Optional[float]):
     elif isinstance(tolerance, bool) or not isinstance(tolerance, (int, float, np.floating)) or not (
             LEAST_TOLERANCE <= tolerance < 1):
         raise ValueError(f'tolerance is {tolerance!r}, must be a number between {LEAST_TOLERANCE:g} and 1')
-    name = choose_method(tolerance, damping_rate(chain), chain.joint_count) if method == 'auto' else method
-    return METHODS[name], None if tolerance is None else float(tolerance)
+    if method == 'auto':
+        method = choose_method(tolerance or DEFAULT_TOLERANCE, damping_rate(chain), chain.joint_count)
+    return METHODS[method], None if tolerance is None else float(tolerance)
 
 
 def stop_error(chain: Chain, tick: int, time: float, outcome: int, joint: int, position, velocity,
@@ -170,8 +171,9 @@ class Simulation:
         self.form, self._why_form = self._resolve_form(chain)
         self._stepper = self._make_stepper(chain, self.form)
         self._counted, self._untaken = (0, 0, 0, 0), []   # of chains that others have replaced
-        self._own_bodies, self._wrenches = len(chain.bodies), {}   # bodies beyond are payloads
-        self._bare_chains = (chain,)   # that it has had, without payloads
+        self._own_bodies = len(chain.bodies)   # bodies beyond are payloads
+        self._wrenches: dict[str, Wrench] = {}
+        self._bare_chains: tuple[Chain, ...] = (chain,)   # that it has had, without payloads
         self._changing = RLock()       # of what is kept here and not in the kernel
         self.set_state(*initial_state(chain))
 
@@ -363,7 +365,7 @@ class Simulation:
             if self._wrenches:
                 self._put_wrenches({})
 
-    def _put_wrenches(self, wrenches: Mapping[str, Wrench]) -> None:
+    def _put_wrenches(self, wrenches: dict[str, Wrench]) -> None:
         self._stepper.set_wrenches(on_links(self.chain, wrenches))
         self._wrenches = wrenches
 
@@ -523,31 +525,31 @@ class Simulation:
         starts anew from that time and state, hidden round-off terms included. ValueError, and nothing is changed: a
         checkpoint of another chain, a damaged one, a time that is no whole number of steps of a fixed-step method.
         """
-        self._check_settings(saved)
-        bare = self._bare_chain(saved.chain, saved.own_bodies)
+        chain, own_bodies = self._checked_settings(saved)
+        bare = self._bare_chain(chain, own_bodies)
         self._stepper.wait()
         with self._changing:
             if not any(same_but_for_quantities(bare, known) for known in self._bare_chains):
-                raise ValueError(f'checkpoint is of the chain {saved.chain.name!r}, must be of {self.chain.name!r}: '
+                raise ValueError(f'checkpoint is of the chain {chain.name!r}, must be of {self.chain.name!r}: '
                                  'they differ in more than payloads, gravity, damping and effort limits')
-            form, _ = self._resolve_form(saved.chain)
+            form, _ = self._resolve_form(chain)
             anew = (saved.method, saved.step, saved.tolerance, saved.form) != (
                 self.method, self.step, self.tolerance, form)
             tick, between = saved.tick, saved.between
             if saved.step != self.step or (between is not None and not self._row.adaptive):
                 tick, between = self._place_of(saved.time, 'time of the checkpoint')
-            if saved.chain == self.chain and saved.wrenches == self._wrenches:
+            if chain == self.chain and saved.wrenches == self._wrenches:
                 return self._load(self._stepper, tick, between, saved.state, anew)
             try:
-                fresh = self._make_stepper(saved.chain, form)
-                fresh.set_wrenches(on_links(saved.chain, saved.wrenches))
+                fresh = self._make_stepper(chain, form)
+                fresh.set_wrenches(on_links(chain, saved.wrenches))
             except (TypeError, ValueError, AttributeError) as error:
                 raise ValueError(f'checkpoint is damaged: its wrenches cannot be ({error})') from None
             self._load(fresh, tick, between, saved.state, anew)
-            self._go_on_with(saved.chain, saved.wrenches, fresh, True)
+            self._go_on_with(chain, saved.wrenches, fresh, True)
 
-    def _check_settings(self, saved: Checkpoint) -> None:
-        """Raise ValueError for what is no checkpoint of this version or says nonsense of itself."""
+    def _checked_settings(self, saved: Checkpoint) -> tuple[Chain, int]:
+        """Return chain and `own_bodies`; ValueError: no checkpoint of this version, or it says nonsense of itself."""
         if not isinstance(saved, Checkpoint):
             raise ValueError(f'checkpoint is {saved!r:.80}, must be what Simulation.checkpoint returned')
         if saved.format != CHECKPOINT_FORMAT:
@@ -566,6 +568,7 @@ class Simulation:
             raise ValueError(f'checkpoint is damaged: its time between two ticks is {saved.between!r}')
         if type(saved.own_bodies) is not int or not 0 < saved.own_bodies <= len(saved.chain.bodies):
             raise ValueError(f'checkpoint is damaged: its chain has {saved.own_bodies!r} bodies that are no payloads')
+        return saved.chain, saved.own_bodies
 
     @staticmethod
     def _load(stepper, tick: int, between: Optional[float], state: tuple, anew: bool = False) -> None:

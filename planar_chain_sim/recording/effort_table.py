@@ -9,7 +9,7 @@ from __future__ import annotations
 from math import ceil, isfinite
 from pathlib import Path
 import re
-from typing import NamedTuple, Optional
+from typing import Any, NamedTuple, Optional, Union
 
 import numpy as np
 
@@ -46,7 +46,8 @@ class Efforts(NamedTuple):
         return np.vstack((np.zeros_like(self.rows[:1]), self.rows))[row]
 
     def _first_ticks(self, step: float) -> list:
-        return [ceil(min(time / step, 2.0**60) - GRID) for time in self.time.tolist()]
+        times = [] if self.time is None else self.time.tolist()
+        return [ceil(min(time / step, 2.0**60) - GRID) for time in times]
 
 
 def read_efforts(text: str, chain: Chain):
@@ -115,7 +116,7 @@ def _number(text: str) -> Optional[float]:
         return None
 
 
-def _from_array(path: Path, name: str, chain: Chain) -> Efforts:
+def _from_array(path: Path, name: str, chain: Chain) -> Union[Efforts, np.ndarray]:
     joints = chain.joint_count
     wanted = f'must be an array of numbers with {joints} columns and a row per tick'
     try:
@@ -152,7 +153,8 @@ def _from_text(path: Path, name: str, chain: Chain) -> Efforts:
         lines = data.decode('utf-8-sig').splitlines()
     except UnicodeError:
         raise Mistake(f'{name}: is not UTF-8 text, {forms}') from None
-    separator, columns, remark, numbers = None, None, '', []
+    separator, remark, numbers = None, '', []
+    columns: Any = None
     for number, line in enumerate(lines, start=1):
         if line.strip()[:1] in ('', '#'):
             remark = line.strip()[1:] if not numbers else remark   # numpy writes a header as a remark

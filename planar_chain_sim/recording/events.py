@@ -159,6 +159,7 @@ def apply_event(simulation: Simulation, kind: str, data: dict) -> None:
     for key in row.keys:
         if key not in data:
             raise ValueError(f'the event {kind!r} lacks {key!r}, must have {", ".join(row.keys) or "no data"}')
+    assert row.apply is not None, kind
     row.apply(simulation, data)
 
 

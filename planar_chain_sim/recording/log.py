@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 import json
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from warnings import warn
 
 import numpy as np
@@ -156,7 +156,9 @@ class _States:
 
     def __init__(self, file: LogFile, chain: Chain, first_tick: int):
         self._file, self._chain, self._first = file, chain, first_tick
-        self._layout, self._fixed = None, None   # of nearly all messages; which of their bytes never change
+        self._layout: Any = None             # of nearly all messages
+        self._template: Any = None           # such a message
+        self._fixed: Any = None              # which of its bytes never change
         self._sequences, self._numbers = array('I'), (array('d'), array('d'), array('d'))   # which grow in place
 
     def add(self, content: bytes, octets: np.ndarray, start, end, sequence) -> None:

@@ -66,7 +66,7 @@ class LogWriter:
         self._check(flush_period, compression)
         self.flush_period = flush_period
         self._file = self._create()
-        self._failure = None   # why writing ended
+        self._failure: Optional[str] = None   # why writing ended
         try:
             self._mcap = McapFile(self._file, 'ros2', 'planar_chain_sim', COMPRESSIONS[compression])
             self.chunk = self._mcap.chunk

@@ -63,7 +63,7 @@ class OfflineLog:
         """Finish the file; LogError where that fails."""
         self._writer.close()
 
-    def advance(self, ticks: int, effort=None, progress: Callable[[int], None] = lambda ticks: None) -> None:
+    def advance(self, ticks: int, effort=None, progress: Callable[[int], object] = lambda ticks: None) -> None:
         """
         Advance `ticks` ticks under `effort`, N m or N: (joints,) is held, (ticks, joints) a row per tick, None zero.
 

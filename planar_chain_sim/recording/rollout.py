@@ -62,7 +62,12 @@ def _rollout_to_file(arguments) -> int:
     tell(f'{chain.name}: {simulation.plan}')
     began = perf_counter()
     stops = []   # signals: an exception in the midst of a record would tear the log
-    catch_stop_signals(lambda number, frame: (stops.append(number), simulation.interrupt()))
+
+    def stop(number, frame) -> None:
+        stops.append(number)
+        simulation.interrupt()
+
+    catch_stop_signals(stop)
     with OfflineLog(path, simulation, options.compression) as log, tqdm(
             total=ticks, unit='tick', unit_scale=True, disable=None, leave=False) as bar:
         try:

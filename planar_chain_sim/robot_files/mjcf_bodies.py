@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from math import inf
-from typing import Optional
+from typing import Any, Optional
 
 import numpy as np
 
@@ -65,7 +65,8 @@ class Mechanism:
     """One text while it is read: options and bodies; `notes` and `unused` are what is to be told of it."""
 
     def __init__(self, text: str, name: str):
-        self.file, self.notes, self.unused, self.uneven = name, [], [], None
+        self.file, self.notes, self.unused = name, [], []
+        self.uneven: Optional[Element] = None
         root = parse(text, name)
         if root.tag != 'mujoco':
             root.fail('is not the root of an MJCF, must be <mujoco>')
@@ -231,7 +232,7 @@ class Mechanism:
         for key in ('springdamper', 'springyield'):
             if any(element.numbers(key, 0, 10) or ()):
                 element.fail(f'has {key}, which is not read, must have stiffness and damping')
-        laws = {'armature': element.number('armature', 0.0, 0.0)}
+        laws: dict[str, Any] = {'armature': element.number('armature', 0.0, 0.0)}
         for ours, key, flag in (('damping', 'damping', 'damper'), ('stiffness', 'stiffness', 'spring'),
                                 ('friction', 'frictionloss', 'frictionloss')):
             values = element.numbers(key, 1, 3) or [0.0]
@@ -287,7 +288,7 @@ class Mechanism:
                 body.inertia = body.inertia * (compiler.total_mass / total)
 
     def _mass_from_inertial(self, body: SpaceBody) -> None:
-        element = body.inertial
+        element: Element = body.inertial   # type: ignore[assignment]
         element.refuse_unknown(INERTIAL_KNOWN)
         turn, shift = self.compiler.pose(element)
         body.mass = element.number('mass', 0.0, 0.0)

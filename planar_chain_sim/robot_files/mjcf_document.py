@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from math import isfinite, radians
 import re
-from typing import NoReturn, Optional
+from typing import Any, NoReturn, Optional
 
 import numpy as np
 
@@ -65,8 +65,8 @@ class Element:
             self.fail(f"has {key} '{clipped(value)}', must be one of {', '.join(choices)}")
         return value
 
-    def numbers(self, key: str, least: int, most: int) -> Optional[list]:
-        """Return the numbers of an attribute, `least` to `most` of them; None where it is not there."""
+    def numbers(self, key: str, least: int, most: int) -> Any:
+        """Return the list of an attribute's numbers, `least` to `most` of them; None where it is not there."""
         value = self.attributes.get(key)
         if value is None:
             return None
@@ -203,7 +203,7 @@ class Classes:
     def __init__(self, sections: list):
         """Read the <default> sections of a file."""
         self._classes = {'main': {}}
-        waiting = [(section, None) for section in reversed(sections)]
+        waiting: list = [(section, None) for section in reversed(sections)]
         while waiting:
             section, parent = waiting.pop()
             name = section.text('class') if parent is not None else 'main'

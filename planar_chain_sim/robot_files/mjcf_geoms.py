@@ -181,7 +181,7 @@ class Touching:
     def apart(self, one: Geom, other: Geom) -> bool:
         """Tell whether two geoms never touch, whatever the joints read; False where that is not sure."""
         gap = one.element.number('margin', 0.0) + other.element.number('margin', 0.0) - CLOSE
-        if self._normal is not None and self._apart_along_normal(one, other, gap):
+        if self._normal is not None and self._apart_along(self._normal, one, other, gap):
             return True
         (one_way, other_way) = self._ways_from_common(one, other)
         if one.kind == 'plane' or other.kind == 'plane':
@@ -194,17 +194,17 @@ class Touching:
         (one_center, one_radius), (other_center, other_radius) = _ball(one, one_way), _ball(other, other_way)
         return bool(np.linalg.norm(one_center - other_center) - one_radius - other_radius > gap)
 
-    def _apart_along_normal(self, one: Geom, other: Geom, gap: float) -> bool:
+    def _apart_along(self, normal: np.ndarray, one: Geom, other: Geom, gap: float) -> bool:
         intervals = []
         for geom in (one, other):
-            middle = float(self._normal @ geom.point)
+            middle = float(normal @ geom.point)
             if geom.kind == 'plane':
-                facing = float(self._normal @ geom.turn[:, 2])
+                facing = float(normal @ geom.turn[:, 2])
                 if abs(facing) < 1.0 - 1e-12:
                     return False
                 intervals.append((-inf, middle) if facing > 0.0 else (middle, inf))
             else:
-                reach = geom.reach_along(self._normal)
+                reach = geom.reach_along(normal)
                 intervals.append((middle - reach, middle + reach))
         (low, high), (other_low, other_high) = intervals
         return other_low - high > gap or low - other_high > gap
@@ -225,7 +225,8 @@ class Touching:
         common = 0
         while common < min(map(len, paths)) and paths[0][common] == paths[1][common]:
             common += 1
-        return tuple([joint for weld in path[common:] for joint in self._bodies[weld].joints] for path in paths)
+        one, other = ([joint for weld in path[common:] for joint in self._bodies[weld].joints] for path in paths)
+        return one, other
 
 
 def _ball(geom: Geom, joints: list, normal: Optional[np.ndarray] = None) -> tuple[np.ndarray, float]:

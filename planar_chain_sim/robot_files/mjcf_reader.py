@@ -7,7 +7,7 @@ has no part in the motion is listed in the notes. Stops and friction are hard he
 from __future__ import annotations
 
 from math import inf
-from typing import Optional
+from typing import Optional, Sequence
 import warnings
 
 import numpy as np
@@ -298,6 +298,6 @@ def _times(ends: tuple, factor: float) -> tuple[float, float]:
     return min(products), max(products)
 
 
-def _within(ends: tuple, limits: tuple) -> tuple[float, float]:
+def _within(ends: tuple, limits: Sequence) -> tuple[float, float]:
     """Return the ends of what is clamped to limits."""
     return tuple(min(max(end, limits[0]), limits[1]) for end in ends)

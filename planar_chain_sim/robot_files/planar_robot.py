@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 import re
-from typing import NamedTuple, Optional
+from typing import Any, NamedTuple, Optional
 
 import numpy as np
 
@@ -216,7 +216,7 @@ def _plane(robot, places, name: str) -> Plane:
         raise ChainError(f'{name}: has no joint that moves, must have one')
     axes = np.array([places[joint.child][0] @ joint.axis for joint in moving])
     turns = np.array([joint.kind == 'rotation' for joint in moving])
-    best = None
+    best: Any = None
     for normal in _candidates(axes, turns):
         along = np.linalg.norm(np.cross(normal, axes), axis=1)   # sine of the angle to the normal
         across = abs(axes @ normal)                              # and to the plane

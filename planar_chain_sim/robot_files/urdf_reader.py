@@ -97,22 +97,22 @@ class Reader:
             for element in block.walk():
                 where = f'in <{block.tag}>, line {element.line}'
                 if element.tag == 'joint' and element.find('parent') and element.find('child'):
-                    ends = [_text_or_link(element.find(end)) for end in ('parent', 'child')]
-                    what = f"joint '{clipped(element.get('name') or '')}'", *ends, where
-                    if element.get('type') != 'fixed' or 'world' not in ends:
+                    parent, child = (_text_or_link(element.find(end)) for end in ('parent', 'child'))
+                    what = f"joint '{clipped(element.get('name') or '')}'", parent, child, where
+                    if element.get('type') != 'fixed' or 'world' not in (parent, child):
                         self._refuse_loop(*what)
-                    self.welded[ends[ends[0] == 'world']] = what
+                    self.welded[child if parent == 'world' else parent] = what
                 elif element.tag == 'plugin' and any(   # by name, or by file alone: ...-detachable-joint-system.so
                         'detachablejoint' in re.sub('[-_]', '', text).lower() for text in element.attributes.values()):
-                    ends = [_text_or_link(element.find(end)) for end in ('parent_link', 'child_link')]
+                    parent, child = (_text_or_link(element.find(end)) for end in ('parent_link', 'child_link'))
                     what = f"DetachableJoint '{clipped(element.get('name') or element.get('filename') or '')}'"
-                    if ends[1] in [link.get('name') for link in self.root.all('link')]:
-                        self._refuse_loop(what, *ends, where)
-                    self.fail(f"{what} ({where}) ties link '{clipped(ends[0])}' to another model, must not have it")
+                    if child in [link.get('name') for link in self.root.all('link')]:
+                        self._refuse_loop(what, parent, child, where)
+                    self.fail(f"{what} ({where}) ties link '{clipped(parent)}' to another model, must not have it")
                 elif element.tag == 'equality' and element.children:
                     first = element.children[0]
                     self._refuse_loop(f"{clipped(first.tag)} '{clipped(first.get('name') or '')}'",
-                                      *(first.get(end) or '' for end in ('body1', 'body2')), where)
+                                      first.get('body1') or '', first.get('body2') or '', where)
         for element in self.root.all('loop_joint'):
             self._refuse_loop(f"joint '{clipped(element.get('name') or '')}'", '', '', f'on line {element.line}')
 
@@ -335,7 +335,7 @@ class Reader:
             if not lower <= held <= upper:
                 self.fail(f"hold gives {held!r} to joint '{clipped(name)}', must lie between its limits, {lower!r} and "
                           f'{upper!r}')
-        return SpatialJoint(name, kind, *ends, turn, shift, axis, laws, held if name in hold else None)
+        return SpatialJoint(name, kind, ends[0], ends[1], turn, shift, axis, laws, held if name in hold else None)
 
     def _laws(self, name: str, element: Element, kind, initial: dict, told: bool) -> dict:
         """Return what a chain file says of the joint's limits, damping, friction and initial state."""

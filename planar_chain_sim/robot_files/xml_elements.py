@@ -7,7 +7,7 @@ stay in the tags as written; a default namespace adds none.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NoReturn, Optional
+from typing import Any, NoReturn, Optional
 from xml.parsers import expat
 
 from ..chain.section import clipped
@@ -54,7 +54,8 @@ def read_xml(text: str, name: str, wanted: str = 'URDF', depth: int = MAX_DEPTH,
 
     `depth`, `elements`: how deep it may be nested, and how many it may have.
     """
-    root, stack = None, []
+    root: Any = None
+    stack, count = [], 0
 
     def fail(problem) -> NoReturn:
         raise ChainError(f'{name} line {parser.CurrentLineNumber}: {problem}')
@@ -80,7 +81,6 @@ def read_xml(text: str, name: str, wanted: str = 'URDF', depth: int = MAX_DEPTH,
     def doctype(*_):
         fail(f'has a DOCTYPE, must be {wanted} without one')
 
-    count = 0
     parser = expat.ParserCreate('utf-8')   # without namespaces: an undeclared prefix is part of the name
     parser.buffer_text = True
     parser.StartElementHandler = start

@@ -9,7 +9,7 @@ from itertools import islice
 from pathlib import Path
 import re
 import shlex
-from typing import Iterator, Sequence
+from typing import Any, Iterator, Sequence
 
 import yaml
 
@@ -105,7 +105,8 @@ def _events(text: str) -> Iterator:
 
 def _mixed_lists(text: str) -> Iterator[tuple[str, int, str]]:
     """Yield name, line and correct text of every list that holds whole numbers beside other numbers."""
-    name, items, line = '', None, 0
+    name, line = '', 0
+    items: Any = None
     for event in _events(text):
         if isinstance(event, yaml.SequenceStartEvent):
             items, line = [], event.start_mark.line + 1

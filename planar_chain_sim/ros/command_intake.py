@@ -39,7 +39,8 @@ class CommandIntake:
         self.held, self.rejected, self.ignored = HeldEffort(len(self._names)), Counter(), Counter()
         self.superseded, self.fresh = 0, set()
         self.wrenches, self._pushes = {}, []  # the second: messages not yet read
-        self._heard = self._next = ()  # keys of the inputs that have a publisher; of those to be polled next time
+        self._heard: tuple[str, ...] = ()  # keys of the inputs that have a publisher
+        self._next: tuple[str, ...] = ()   # of those to be polled next time
         self._waker = GuardCondition(lambda: None, None, context=context)
         self._wait_set = _rclpy.WaitSet(len(inputs), 1, 0, 0, 0, 0, context.handle)
 

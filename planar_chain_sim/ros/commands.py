@@ -155,7 +155,7 @@ class HeldEffort:
 
     def __init__(self, joints: int):
         self.effort = np.zeros(joints)
-        self._since = [None] * joints  # tick of the joint's last command
+        self._since: list = [None] * joints  # tick of the joint's last command
         self.commanded = False
 
     def hold(self, command: Command, tick: int) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 from contextlib import ExitStack
 from math import cos, pi, sin
 import sys
+from typing import Any
 
 from .process import run_until_stopped, start_node
 
@@ -29,7 +30,7 @@ class ComputedTorque:
         import numpy as np
         self._chain, self._rate, self._bandwidth = chain, 2.0 * pi / period, bandwidth
         self._reach = np.array([amplitude if joint.kind == 'rotation' else 0.2 * amplitude for joint in chain.joints])
-        self._start = None  # time and positions
+        self._start: Any = None  # time and positions
 
     def reference(self, time: float):
         """Return wanted positions, velocities and accelerations (joints,) at a time, s, after the first state."""

@@ -19,7 +19,7 @@ class LockstepSimulator(Simulator):
 
     def __init__(self, simulation, values, *arguments):
         super().__init__(simulation, values, *arguments)
-        self._answers = Answers(map(simulation.chain.joint_names.index, values['lockstep_joints']))
+        self._answers = Answers(list(map(simulation.chain.joint_names.index, values['lockstep_joints'])))
         self._topic = None  # of the newest answer
         self._seen = False  # whether anybody may have got the state outstanding
 

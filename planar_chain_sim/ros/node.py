@@ -170,8 +170,12 @@ def serve(node, ending, stop, simulator, chain, urdf, values, log, ends) -> None
                                       f'joint_states bear it, and markers are drawn in it as in {frames.root!r:.80}')
     if values['publish_markers']:
         from .markers import marker_array, PERIOD as MARKER_PERIOD
-        services.every(MARKER_PERIOD, lambda: simulator.hold_ups.during(
-            publishers['markers'].publish, marker_array(chain, frames, *simulator.seen, frame_id)))
+
+        def publish_markers() -> None:
+            markers = marker_array(chain, frames, *simulator.seen, frame_id=frame_id)
+            simulator.hold_ups.during(publishers['markers'].publish, markers)
+
+        services.every(MARKER_PERIOD, publish_markers)
     if values['publish_tf']:
         from .transforms import PERIOD as TF_PERIOD, TransformPublisher
         services.every(TF_PERIOD, TransformPublisher(simulator, frames, chain.joint_names, publishers).publish)

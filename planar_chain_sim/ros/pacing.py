@@ -50,7 +50,7 @@ class Pacing:
         self.period, self._step = period * 1e9, step
         self.wall_minus_steady = wall_minus_steady
         self._tick = self._start = self.stamp_minus_due = 0
-        self._asked = None  # tick whose due time is kept
+        self._asked: Optional[int] = None  # tick whose due time is kept
 
     def anchor(self, tick: int, now: int) -> None:
         """Let `tick` be due now: at the start and after a pause. Its stamp is now, or later where stamps are ahead."""

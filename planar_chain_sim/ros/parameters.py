@@ -7,15 +7,16 @@ ROS, so that --help works without it; declaration.py makes ROS parameters of the
 from __future__ import annotations
 
 from array import array
+from math import inf
 import re
 import textwrap
-from typing import Callable, Iterator, NamedTuple, Optional, Union
+from typing import Any, Callable, Iterator, NamedTuple, Optional, Union
 
 from ..chain.quantities import changed_chain, QUANTITIES
 from ..errors import Mistake
 from ..motion.integrators import LEAST_TOLERANCE, METHODS
 
-Value = Union[bool, float, str, list]
+Value = Any   # bool, float, str or a list, as the default of the parameter
 NUMBERS, TEXTS = 'DOUBLE_ARRAY', 'STRING_ARRAY'   # types are named as in rclpy.parameter.Parameter.Type
 TYPES = {bool: 'BOOL', float: 'DOUBLE', str: 'STRING', list: TEXTS}
 WANTED = {'BOOL': 'true or false', 'DOUBLE': 'a number', 'STRING': 'a string', NUMBERS: 'a list of numbers',
@@ -53,8 +54,8 @@ class Row(NamedTuple):
     @property
     def range(self) -> str:
         """Return what `limits` and `smallest` allow, in words."""
-        least = f'0 or from {self.smallest:g}' if self.smallest else f'from {self.limits[0]:g}'
-        return f'{least} to {self.limits[1]:g}'
+        least, greatest = self.limits or (-inf, inf)
+        return f'{f"0 or from {self.smallest:g}" if self.smallest else f"from {least:g}"} to {greatest:g}'
 
 
 PARAMETERS = (
@@ -152,7 +153,7 @@ def checked(row: Row, value) -> Value:
         _refuse_outside(row, value, value)
     if row.choices and value not in row.choices:
         raise Mistake(f'parameter {row.name!r} is {value!r:.80}, must be one of {", ".join(map(repr, row.choices))}')
-    if row.type == 'STRING' and '\0' in value:
+    if row.type == 'STRING' and '\0' in str(value):
         raise Mistake(f'parameter {row.name!r} is {value!r:.80}, must be a string without NUL')
     return value
 
@@ -238,10 +239,10 @@ def _number(row: Row, value: Union[int, float, str]) -> float:
         raise Mistake(f'parameter {row.name!r} is {value!r:.80}, must be a number up to 1e308') from None
 
 
-def _refuse_outside(row: Row, number: float, shown: Value) -> None:
+def _refuse_outside(row: Row, number: Any, shown: Value) -> None:
     numbers = 'numbers ' if isinstance(shown, list) else ''
-    if not row.limits[0] <= number <= row.limits[1]:
-        least, greatest = row.limits
+    least, greatest = row.limits or (-inf, inf)
+    if not least <= number <= greatest:
         raise Mistake(f'parameter {row.name!r} is {shown}, must be {numbers}from {least:g} to {greatest:g}')
     if 0.0 < number < row.smallest:
         raise Mistake(f'parameter {row.name!r} is {shown}, must be 0 or at least {row.smallest:g}')

@@ -2,8 +2,8 @@
 from __future__ import annotations
 
 from .messages import INPUTS, OUTPUTS
-from ..errors import Mistake
-from ..recording.log_writer import BackgroundLogWriter, LogError
+from ..errors import LogError, Mistake
+from ..recording.log_writer import BackgroundLogWriter
 from ..recording.rosbag2_profile import Channel
 from ..recording.run_settings import settings_of
 

@@ -5,6 +5,7 @@ from contextlib import ExitStack
 from queue import Empty
 import sys
 from time import monotonic
+from typing import Any
 
 from .process import run_until_stopped, start_node
 
@@ -76,7 +77,9 @@ def find_topics(log, options) -> dict[str, str]:
     from .messages import INPUTS
     from ..errors import Mistake
     command_types = {row.type_name for row in INPUTS.values()}
-    state_topic, topics, origin, last = log.settings.get('state_topic'), {}, None, 0
+    state_topic, topics = log.settings.get('state_topic'), {}
+    origin: Any = None
+    last = 0
     for message in log.messages:
         origin = begin_of(message, options) if origin is None else origin
         wanted = (message.topic == state_topic) if options.what == 'states' else message.topic != state_topic

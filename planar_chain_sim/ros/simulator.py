@@ -11,6 +11,7 @@ from collections import deque
 from queue import Empty, SimpleQueue
 from threading import Thread
 from time import monotonic_ns, sleep, time_ns
+from typing import Any
 
 from .command_intake import CommandIntake
 from .measurement import Meter
@@ -149,7 +150,7 @@ class Simulator:
         return self._simulation.tick
 
     @property
-    def seen(self) -> tuple:
+    def seen(self) -> tuple[int, Any]:
         """Stamp, ns, and joint positions (joints,), rad or m, of the state last shown, for those who only look."""
         return self._publication.stamp, self._publication.layout.position.copy()
 
@@ -378,7 +379,7 @@ class Simulator:
 
     def _step(self) -> tuple[bool, str]:
         done, sentence = self._step_on(1, self.overruled)
-        return done, f'stepped to tick {self._simulation.tick}' if done else sentence
+        return done, f'stepped to tick {self._simulation.tick}' if done else str(sentence)
 
     def _step_on(self, ticks: int, overruled: int) -> tuple[bool, object]:
         if self._end:

@@ -212,7 +212,7 @@ class Derivation:
     def _add(self, sign: int, products: Iterator[Product]) -> None:
         """Add products of a body's row, times a sign, to the equation at hand."""
         for product in products:
-            dot = self._dot(product.left, product.right) if product.left else None
+            dot = self._dot(product.left, product.right) if product.left and product.right else None
             symbols = tuple(sorted(product.symbols, key=lambda s: (LETTERS[s.letter], s.index)))
             slides = tuple(sorted(product.slides, key=lambda x: x.parts[0][1].place))
             for number, motions in ((1, ()),) if product.rate == GRAVITY else self.rates(product.rate):

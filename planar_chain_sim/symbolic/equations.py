@@ -43,7 +43,7 @@ class Equations(Sequence):
     def __len__(self):
         return len(self.unknowns)
 
-    def __getitem__(self, key: Union[int, str]) -> Equation:
+    def __getitem__(self, key: Union[int, str]) -> Equation:   # type: ignore[override]
         place = self.place_of(key) if isinstance(key, str) else range(len(self))[operator.index(key)]
         if place not in self._made:
             made = self._derive(place)

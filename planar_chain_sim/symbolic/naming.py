@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from cmath import phase
-from typing import Optional
+from typing import Any
 
 from .factors import Coordinate, Effort, Parts, Symbol, Vector
 from ..chain.chain import Chain
@@ -40,8 +40,8 @@ class Names:
             index = i + 1
             self.symbols[f'{letter}{index or ""}'] = Symbol(letter, index, float(value), unit, meaning)
 
-    def of(self, letter: str, i: int) -> Optional[Symbol]:
-        """Return the symbol of a letter and body, None where it is zero."""
+    def of(self, letter: str, i: int) -> Any:
+        """Return the Symbol of a letter and body, None where it is zero."""
         return self.symbols.get(f'{letter}{i + 1 or ""}')
 
     def _name_symbols(self) -> None:
@@ -93,7 +93,8 @@ class Names:
 
     def _place_frames(self) -> None:
         """Angle of every body's frame as coordinates and constants; then the vectors that turn with the frames."""
-        self.turning, self.fixed = {BASE: ()}, {BASE: ()}
+        self.turning: dict[int, tuple] = {BASE: ()}
+        self.fixed: dict[int, tuple] = {BASE: ()}
         self.r, self.chi, self.c = {}, {}, {}
         for i, body in enumerate(self.chain.bodies):
             turning, fixed = self.turning[body.carrier], self.fixed[body.carrier]
@@ -115,4 +116,5 @@ class Names:
         """Return a unit vector and the same turned by 90 degrees."""
         own = self.of(direction, i)
         offsets = (*fixed, own) if own else fixed
-        return tuple(Vector(letter, turned, i + 1, turning, offsets) for turned in (False, True))
+        along, across = (Vector(letter, turned, i + 1, turning, offsets) for turned in (False, True))
+        return along, across

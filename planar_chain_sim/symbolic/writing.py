@@ -6,7 +6,7 @@ What the products of a coefficient have in common is put outside a bracket: r2 r
 from __future__ import annotations
 
 from collections import Counter
-from typing import Iterator, NamedTuple, Optional, Sequence
+from typing import Any, Iterator, NamedTuple, Optional, Sequence
 
 from .factors import Effort, Motion, ScalarProduct, SignOf, Symbol, Trigonometric, Vector
 from .notation import SOFT_BREAK, Text
@@ -20,7 +20,7 @@ class Parts(NamedTuple):
 
     number: float
     scalars: tuple
-    geometry: object         # ScalarProduct, Trigonometric or None
+    geometry: Any            # ScalarProduct, Trigonometric or None
     rates: tuple
 
 
@@ -99,7 +99,7 @@ class Writer:
             return None
         first = terms[0].geometry
         for vector in (first.left, first.right):
-            split = [_other_vector(parts.geometry, vector) for parts in terms]
+            split: list[Any] = [_other_vector(parts.geometry, vector) for parts in terms]
             if None not in split:
                 break
         else:
