@@ -40,7 +40,8 @@ def draw_animation(chain: Chain, position: np.ndarray, speed: float, size: int =
     try:
         samples = [scene.pixels(row) for row in np.linspace(0, len(position) - 1, 8).round().astype(int)]
         palette = Image.fromarray(np.vstack(samples)).quantize(COLORS - 1)
-        palette.putpalette([255, 255, 255, *palette.getpalette()[:3 * COLORS - 3]])     # paper that is white
+        colors = palette.getpalette() or []
+        palette.putpalette([255, 255, 255, *colors[:3 * COLORS - 3]])     # paper that is white
         frames = [Image.fromarray(scene.pixels(row)).quantize(palette=palette, dither=Image.Dither.NONE)
                   for row in range(0, len(position), PART)]
     finally:
@@ -152,7 +153,7 @@ def _animate(arguments) -> int:
     return 0
 
 
-def _motion(options) -> tuple:
+def _motion(options) -> tuple[Chain, np.ndarray]:
     """Return the chain and its positions as draw_animation takes them; Mistake, ChainError, LogError."""
     step = options.speed * FRAME / PART
     if not options.source.endswith('.mcap'):

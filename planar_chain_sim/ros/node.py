@@ -172,7 +172,8 @@ def serve(node, ending, stop, simulator, chain, urdf, values, log, ends) -> None
         from .markers import marker_array, PERIOD as MARKER_PERIOD
 
         def publish_markers() -> None:
-            markers = marker_array(chain, frames, *simulator.seen, frame_id=frame_id)
+            stamp, position = simulator.seen
+            markers = marker_array(chain, frames, stamp, position, frame_id)
             simulator.hold_ups.during(publishers['markers'].publish, markers)
 
         services.every(MARKER_PERIOD, publish_markers)
