@@ -8,10 +8,30 @@
 #include <vector>
 
 #include "arithmetic/trigonometry.hpp"
+#include "messages/command.hpp"
+#include "messages/log_chunk.hpp"
 #include "python/batch.hpp"
-#include "python/messages.hpp"
 #include "python/model.hpp"
 #include "python/stepper.hpp"
+
+namespace {
+
+// All of an enum that counts from 0 to `last`, and their names.
+template <class Enum>
+std::vector<Enum> every(Enum last) {
+  std::vector<Enum> all;
+  for (int code = 0; code <= static_cast<int>(last); ++code) all.push_back(static_cast<Enum>(code));
+  return all;
+}
+
+template <class Enum>
+py::tuple names_to(Enum last) {
+  py::list names;
+  for (Enum each : every(last)) names.append(name_of(each));
+  return py::tuple(names);
+}
+
+}  // namespace
 
 PYBIND11_MODULE(_kernel, module) {
   module.doc() = "Compiled twin of equations_of_motion.py and joint_forces.py; batches are checked by the caller.";
@@ -30,6 +50,11 @@ PYBIND11_MODULE(_kernel, module) {
   module.def("finite_array", [](const std::string& name, const py::handle& values,
                                 const std::vector<py::ssize_t>& shape) {
     return Numbers(name.c_str(), values, shape.data(), static_cast<int>(shape.size())).array();
+  });
+
+  // The same of any shape that ends in `last`.
+  module.def("finite_rows", [](const std::string& name, const py::handle& values, py::ssize_t last) {
+    return Numbers::rows(name.c_str(), values, last).array();
   });
 
   // Two finite numbers [x, y] as x + j y.
@@ -69,9 +94,9 @@ PYBIND11_MODULE(_kernel, module) {
   py::class_<pc::MethodData>(module, "MethodData")
       .def(py::init([](std::string family, int order, bool adaptive, double tolerance, double fixed,
                        const pc::Tableau& tableau) {
-        pc::MethodData data{pc::Family::taylor, order, adaptive, tableau, tolerance, fixed};
-        if (!pc::find_family(family, data.family)) throw py::value_error("family '" + family + "' is none of FAMILIES");
-        return data;
+        for (pc::Family each : every(pc::Family::taylor))
+          if (family == name_of(each)) return pc::MethodData{each, order, adaptive, tableau, tolerance, fixed};
+        throw py::value_error("family '" + family + "' is none of FAMILIES");
       }), py::arg("family"), py::arg("order"), py::arg("adaptive"), py::arg("tolerance"), py::arg("fixed") = 0.0,
            py::arg("tableau") = pc::Tableau());
 
@@ -109,14 +134,17 @@ PYBIND11_MODULE(_kernel, module) {
       .def_property_readonly("size", &LogChunk::size)
       .def_readonly("messages", &LogChunk::messages);
 
-  py::list family_names;
-  for (const auto& [name, family] : pc::families()) family_names.append(name);
-  module.attr("FAMILIES") = py::tuple(family_names);
+  // Names in the order of their enums, which the kernel's codes count.
+  module.attr("FAMILIES") = names_to(pc::Family::taylor);
+  module.attr("OUTCOMES") = names_to(pc::Outcome::interrupted);
+  module.attr("EVENT_KINDS") = names_to(pc::EventKind::slipped);
+  module.attr("REFUSALS") = names_to(Model::Refusal::standing);
+
+  // Limits that the caller has to know.
   module.attr("UNROLLED_SERIES") = pc::most_unrolled_series;
-  // In the order of their enums.
-  module.attr("OUTCOMES") =
-      py::make_tuple("good", "singular", "not_finite", "stalled", "too_long", "coarse", "endless_events", "interrupted");
-  module.attr("EVENT_KINDS") = py::make_tuple("stop_touched", "stop_left", "stuck", "slipped");
+  module.attr("DENSE_LINKS") = pc::most_dense_links;
+  module.attr("MOST_TICKS") = pc::most_ticks;
+  module.attr("CHECKPOINT_FORMAT") = checkpoint_format;
 
   module.def("roll_batch", &roll_batch);
   module.def("json_list", &json_list);

@@ -11,10 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .dynamics import forward_dynamics
+from .dynamics import forward_dynamics, joint_rows
 from .loads import index_of
 from .path_matrix import motion_of_joints
-from .plan import plan_of
 from .._kernel import plane_vector
 from ..chain.chain import Chain
 from ..chain.tree import BASE
@@ -74,34 +73,6 @@ def _halves(absolute, count):
     return absolute[..., :count], absolute[..., count:]
 
 
-def _joint_rows(chain: Chain, **given) -> list[np.ndarray]:
-    """Return finite float64 arrays (..., joints) of one common shape; ValueError names the argument."""
-    plan_of(chain)   # which refuses what is none and one that cannot be
-    rows = []
-    for name, values in given.items():
-        try:
-            row = np.asarray(values)
-            if row.dtype.kind == 'O' and not any(isinstance(each, (str, bytes)) for each in row.flat):
-                row = row.astype(float)   # of other kinds of numbers
-            if row.dtype.kind not in 'fiub':
-                raise TypeError
-            row = row.astype(float, copy=False)
-        except (TypeError, ValueError, OverflowError):
-            raise ValueError(
-                f'{name} must be numbers of shape (..., {chain.joint_count}), got {values!r:.80}') from None
-        if row.ndim == 0 or row.shape[-1] != chain.joint_count:
-            raise ValueError(f'{name} has shape {row.shape}, must have (..., {chain.joint_count})')
-        if not np.isfinite(row).all():
-            raise ValueError(f'{name} has a number that is not finite, must have none')
-        rows.append(row)
-    try:
-        return [np.broadcast_to(row, shape) for shape in [np.broadcast_shapes(*(row.shape for row in rows))]
-                for row in rows]
-    except ValueError:
-        shapes = ', '.join(f'{name} {row.shape}' for name, row in zip(given, rows))
-        raise ValueError(f'the leading axes do not fit: {shapes}') from None
-
-
 def _plane(vectors) -> np.ndarray:
     return np.stack([vectors.real, vectors.imag], axis=-1)
 
@@ -112,13 +83,13 @@ def _cross(left, right):
 
 def body_poses(chain: Chain, position) -> BodyPoses:
     """Return where every body is, position (..., joints), rad or m. ValueError: bad shape, non-finite value."""
-    motion = _Motion(chain, *_joint_rows(chain, position=position))
+    motion = _Motion(chain, *joint_rows(chain, position=position))
     return BodyPoses(_plane(motion.point), motion.angle, _plane(motion.center()[0]))
 
 
 def body_velocities(chain: Chain, position, velocity) -> BodyPoses:
     """Return the rates of body_poses, m/s and rad/s (5.83). ValueError: bad shape, non-finite value."""
-    motion = _Motion(chain, *_joint_rows(chain, position=position, velocity=velocity))
+    motion = _Motion(chain, *joint_rows(chain, position=position, velocity=velocity))
     return BodyPoses(_plane(motion.velocity), motion.rate, _plane(motion.center()[1]))
 
 
@@ -129,7 +100,7 @@ def jacobian(chain: Chain, position, body: str, point=(0.0, 0.0)) -> np.ndarray:
     `point` [x, y], m, in the body's own frame; the default is its joint point. ValueError: no such body, bad shape,
     non-finite value.
     """
-    position, = _joint_rows(chain, position=position)
+    position, = joint_rows(chain, position=position)
     index = index_of(chain, body)
     place = plane_vector('point', point)
     motion = _Motion(chain, position)
@@ -152,7 +123,7 @@ def jacobian(chain: Chain, position, body: str, point=(0.0, 0.0)) -> np.ndarray:
 
 def center_of_mass(chain: Chain, position) -> np.ndarray:
     """Return the mass centre of the whole chain, (..., 2), m. ValueError: bad shape, non-finite value."""
-    motion = _Motion(chain, *_joint_rows(chain, position=position))
+    motion = _Motion(chain, *joint_rows(chain, position=position))
     mass = np.array([body.mass for body in chain.bodies])
     return _plane(motion.center()[0] @ mass / mass.sum())
 
@@ -163,7 +134,7 @@ def momentum(chain: Chain, position, velocity) -> tuple[np.ndarray, np.ndarray]:
 
     The rotors that `armature` describes are not included. ValueError: bad shape, non-finite value.
     """
-    motion = _Motion(chain, *_joint_rows(chain, position=position, velocity=velocity))
+    motion = _Motion(chain, *joint_rows(chain, position=position, velocity=velocity))
     mass, inertia = (np.array([getattr(body, name) for body in chain.bodies]) for name in ('mass', 'inertia_com'))
     place, rate, _ = motion.center()
     return _plane(rate @ mass), _cross(place, rate) @ mass + motion.rate @ inertia
@@ -177,7 +148,7 @@ def reaction_forces(chain: Chain, position, velocity, effort) -> np.ndarray:
     (Newton and Euler, from the leaves to the root, equations.md 6.1). ValueError: bad shape, non-finite value.
     SimulationError: singular configuration.
     """
-    position, velocity, effort = _joint_rows(chain, position=position, velocity=velocity, effort=effort)
+    position, velocity, effort = joint_rows(chain, position=position, velocity=velocity, effort=effort)
     acceleration = forward_dynamics(chain, position, velocity, effort)
     motion = _Motion(chain, position, velocity, acceleration)
     gained = motion.center()[2] - chain.gravity

@@ -13,6 +13,9 @@ from ..errors import SimulationError
 
 FORMS = ('reference', 'dense', 'recursive', 'auto')
 
+_GOOD, _SINGULAR, _NOT_FINITE = map(_kernel.OUTCOMES.index, ('good', 'singular', 'not_finite'))
+_WHY_NOT = {_SINGULAR: 'the configuration is singular', _NOT_FINITE: 'the acceleration is not finite'}
+
 
 def joint_array(name: str, values, shape: tuple) -> np.ndarray:
     """`values` as finite C-ordered float64 of the wanted shape; ValueError names argument, got and wanted."""
@@ -36,19 +39,31 @@ def no_acceleration(chain: Chain, joint: int, why: str, position, velocity) -> S
                            reason='singular' if 'singular' in why else 'not_finite')
 
 
-def _for_each(ask, chain: Chain, error: ValueError, *rows) -> list:
-    """
-    Return what `ask(chain, ...)` answers for arrays (..., joints), each part with the leading axes; the error: no such.
+def joint_rows(chain: Chain, **given) -> list[np.ndarray]:
+    """`given` as finite float64 arrays (..., joints) of one common shape; ValueError names the argument."""
+    plan_of(chain)   # which refuses what is none and one that cannot be
+    rows = [_kernel.finite_rows(name, values, chain.joint_count) for name, values in given.items()]
+    try:
+        shape = np.broadcast_shapes(*(row.shape for row in rows))
+    except ValueError:
+        shapes = ', '.join(f'{name} {row.shape}' for name, row in zip(given, rows))
+        raise ValueError(f'the leading axes do not fit: {shapes}') from None
+    return [np.broadcast_to(row, shape) for row in rows]
 
-    A single state is asked first, so that it pays nothing for this.
+
+def _for_each(ask, chain: Chain, **given) -> list:
+    """
+    Return what `ask(chain, ...)` answers for arrays (..., joints), each part with the leading axes.
+
+    For what the kernel has refused as a single state, so that one pays nothing for this. ValueError: other arrays.
     """
     try:
-        arrays = np.broadcast_arrays(*(np.asarray(row, dtype=float) for row in rows))
-    except (TypeError, ValueError):
+        arrays = joint_rows(chain, **given)
+    except ValueError as error:
         raise error from None
     axes = arrays[0].shape[:-1]
-    if not axes or not all(axes) or arrays[0].shape[-1] != chain.joint_count:
-        raise error
+    if not all(axes):
+        raise ValueError(f'{next(iter(given))} has shape {arrays[0].shape}, must have no axis of length 0')
     answers = [ask(chain, *states) for states in zip(*(array.reshape(-1, chain.joint_count) for array in arrays))]
     parts = zip(*answers) if isinstance(answers[0], tuple) else [answers]
     return [np.array(part).reshape(*axes, *np.shape(part[0])) for part in parts]
@@ -69,17 +84,17 @@ def forward_dynamics(chain: Chain, position, velocity, effort, form: str = 'auto
     else:
         dense = resolve_form(chain, form) == 'dense'
     try:
-        acceleration, joint = plan.model.forward_dynamics(position, velocity, effort, dense)
-    except ValueError as error:
-        return _for_each(partial(forward_dynamics, form=form), chain, error, position, velocity, effort)[0]
-    if joint >= 0:
-        raise no_acceleration(chain, joint, 'the configuration is singular', position, velocity)
-    if form == 'reference':
+        acceleration, outcome, joint = plan.model.forward_dynamics(position, velocity, effort, dense)
+    except ValueError:
+        return _for_each(partial(forward_dynamics, form=form), chain,
+                         position=position, velocity=velocity, effort=effort)[0]
+    if form == 'reference' and outcome != _SINGULAR:
         acceleration = equations_of_motion.forward_dynamics(chain, *(
             joint_array('', values, acceleration.shape) for values in (position, velocity, effort)))
-        joint = -1 if np.isfinite(acceleration).all() else -2 - int(np.argmin(np.isfinite(acceleration)))
-    if joint < -1:
-        raise no_acceleration(chain, -2 - joint, 'the acceleration is not finite', position, velocity)
+        finite = np.isfinite(acceleration)
+        outcome, joint = (_GOOD, -1) if finite.all() else (_NOT_FINITE, int(np.argmin(finite)))
+    if outcome != _GOOD:
+        raise no_acceleration(chain, joint, _WHY_NOT[outcome], position, velocity)
     return acceleration
 
 
@@ -91,8 +106,9 @@ def inverse_dynamics(chain: Chain, position, velocity, acceleration) -> np.ndarr
     """
     try:
         return plan_of(chain).model.inverse_dynamics(position, velocity, acceleration)
-    except ValueError as error:
-        return _for_each(inverse_dynamics, chain, error, position, velocity, acceleration)[0]
+    except ValueError:
+        return _for_each(inverse_dynamics, chain, position=position, velocity=velocity,
+                         acceleration=acceleration)[0]
 
 
 def mass_matrix(chain: Chain, position) -> np.ndarray:
@@ -103,8 +119,8 @@ def mass_matrix(chain: Chain, position) -> np.ndarray:
     """
     try:
         return plan_of(chain).model.mass_matrix(position)
-    except ValueError as error:
-        return _for_each(mass_matrix, chain, error, position)[0]
+    except ValueError:
+        return _for_each(mass_matrix, chain, position=position)[0]
 
 
 def energy(chain: Chain, position, velocity) -> tuple[float, float]:
@@ -116,6 +132,6 @@ def energy(chain: Chain, position, velocity) -> tuple[float, float]:
     plan = plan_of(chain)
     try:
         kinetic, potential = plan.model.energy(position, velocity)
-    except ValueError as error:
-        return tuple(_for_each(energy, chain, error, position, velocity))
+    except ValueError:
+        return tuple(_for_each(energy, chain, position=position, velocity=velocity))
     return kinetic, potential + plan.grounded_energy

@@ -7,12 +7,11 @@ import numpy as np
 
 from .dynamics import no_acceleration
 from .plan import plan_of
+from .._kernel import REFUSALS
 from ..chain.chain import Chain
 
-# In the order of `enum class Refusal` (kernel/python/model.hpp); a joint that stands still has a sentence of its own.
-_WHY_NOT = (None, 'the configuration is singular', 'the acceleration is not finite',
-            'the derivatives of the acceleration are not finite')
-_STANDS_STILL = len(_WHY_NOT)
+_WHY_NOT = {'singular': 'the configuration is singular', 'no_acceleration': 'the acceleration is not finite',
+            'no_derivative': 'the derivatives of the acceleration are not finite'}
 
 
 class Linearization(NamedTuple):
@@ -37,10 +36,11 @@ def linearize(chain: Chain, position, velocity, effort) -> Linearization:
     oscillations. Effort limits and stops are not known. ValueError: bad shape, non-finite value, a joint with friction
     that stands still, where Coulomb's law has no derivative. SimulationError: singular configuration.
     """
-    A, B, refusal, joint = plan_of(chain).model.linearize(position, velocity, effort)
-    if refusal == _STANDS_STILL:
+    A, B, code, joint = plan_of(chain).model.linearize(position, velocity, effort)
+    refusal = REFUSALS[code]
+    if refusal == 'standing':
         raise ValueError(f"velocity of joint '{chain.joint_names[joint]}' is 0.0, must not be: its friction has no "
                          'derivative where it stands still')
-    if refusal:
-        raise no_acceleration(chain, joint, str(_WHY_NOT[refusal]), position, velocity)
+    if refusal != 'none':
+        raise no_acceleration(chain, joint, _WHY_NOT[refusal], position, velocity)
     return Linearization(A, B)

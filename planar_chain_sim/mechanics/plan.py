@@ -10,12 +10,10 @@ from .joint_forces import has_stop, JOINT_FORCES
 from .kernel_model import kernel_model_of
 from .path_matrix import Place
 from .solvable import refuse_singular
+from .. import _kernel
 from ..chain.chain import Chain, check_chain
 
-# Links up to which the dense form is worth it for a serial chain that only turns. Measured once: uniform rods, gcc 12,
-# a 3 GHz x86-64 core with AVX2, dense and recursion in ns: 170, 194 at 6 links, 205, 215 at 7, 243, 241 at 8. The
-# recursion keeps about a digit more, so what is nearly a tie goes to it.
-DENSE_LINKS = 6
+DENSE_LINKS = _kernel.DENSE_LINKS   # up to which the dense form is worth it for a serial chain that only turns
 
 
 @dataclass(frozen=True)

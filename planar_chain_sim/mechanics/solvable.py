@@ -64,7 +64,7 @@ def singular_joint(chain: Chain) -> Optional[str]:
     zero, joint = np.zeros(count), -1
     for trial in range(1, 5):
         position = np.sin(1.0 + 2.399963 * trial * np.arange(1, count + 1)) * (0.7 + 0.2 * trial)
-        joint = kernel_model_of(chain).model.forward_dynamics(position, zero, zero)[1]
+        joint = kernel_model_of(chain).model.forward_dynamics(position, zero, zero)[2]
         if joint < 0:
             return None
     return chain.joint_names[joint]

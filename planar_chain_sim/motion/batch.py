@@ -96,8 +96,11 @@ def rollout_batch(chain: Union[Chain, Sequence[Chain]], position=None, velocity=
 
 def _leading_axis(name: str, values, ticks: int, joints: int) -> np.ndarray:
     """`values` with an axis of scenes, an effort with one of ticks too; ValueError: no such shape, not finite."""
-    shape = np.shape(values)
     wanted = [(joints,), ('scenes', joints)] + [('scenes', ticks, joints)] * (name == 'effort')
+    try:
+        shape = np.shape(values)
+    except ValueError:   # rows of different lengths
+        raise ValueError(f'{name} is {values!r:.80}, must have {" or ".join(map(_written, wanted))}') from None
     if shape[len(shape) > 1:] not in [rows[len(rows) > 1:] for rows in wanted] or shape[0] == 0:
         raise ValueError(f'{name} has shape {shape}, must have {" or ".join(map(_written, wanted))}')
     array = joint_array(name, values, shape)
@@ -121,6 +124,7 @@ def _scene_count(counts: dict) -> int:
 def _thread_count(threads: Optional[int]) -> int:
     if threads is None:
         return len(os.sched_getaffinity(0)) if hasattr(os, 'sched_getaffinity') else os.cpu_count() or 1
-    if not isinstance(threads, (int, np.integer)) or isinstance(threads, bool) or not 0 < threads < 2 ** 16:
+    if not isinstance(threads, (int, np.integer)) or isinstance(threads, (bool, np.timedelta64)) or not (
+            0 < threads < 2 ** 16):
         raise ValueError(f'threads is {threads!r}, must be a whole number > 0 or None')
     return int(threads)

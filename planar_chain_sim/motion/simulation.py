@@ -37,8 +37,8 @@ _WHY = {'singular': 'the configuration is singular', 'not_finite': 'the state ra
 
 EVENT_KINDS = _kernel.EVENT_KINDS
 
-CHECKPOINT_FORMAT = 2
-MOST_TICKS = 2**53   # a double counts no further
+CHECKPOINT_FORMAT = _kernel.CHECKPOINT_FORMAT
+MOST_TICKS = _kernel.MOST_TICKS   # a double counts no further
 
 
 class Interrupted(RuntimeError):
@@ -154,7 +154,7 @@ class Simulation:
 
     def __init__(self, chain: Chain, method: str = 'auto', step: float = 1e-3, tolerance: Optional[float] = None,
                  form: str = 'auto'):
-        if not (isinstance(step, (int, float, np.floating)) and isfinite(step) and step > 0):
+        if not (isinstance(step, (int, float, np.floating)) and 0.0 < step < 1e308):
             raise ValueError(f'step is {step!r}, must be a positive finite number of seconds')
         if form == 'reference':
             raise ValueError("form is 'reference', must be 'auto', 'dense' or 'recursive': "
@@ -199,7 +199,7 @@ class Simulation:
         vars(self).update(state, _row=METHODS[state['method']], _changing=RLock())
         self._stepper = self._make_stepper(self.chain, self.form)
         self._stepper.set_wrenches(on_links(self.chain, self._wrenches))
-        self._load(self._stepper, *saved)
+        self._stepper.load(*saved, False)
         self._stepper.told = told
 
     def _resolve_form(self, chain: Chain) -> tuple[str, str]:
@@ -411,11 +411,8 @@ class Simulation:
         whole tick; going on from there gives the bits of a run that was not interrupted.
         """
         stopped = self._stepper.advance(ticks, effort, record)
-        if stopped is None:
-            return
-        if isinstance(stopped, str):  # an argument that is not yet what the kernel takes
-            stopped = self._stepper.advance(*self._checked(ticks, effort, record))
-        self._tell_stop(stopped)
+        if stopped is not None:
+            self._tell_stop(*stopped)
 
     def interrupt(self) -> None:
         """
@@ -425,17 +422,13 @@ class Simulation:
         """
         self._stepper.interrupt()
 
-    def _tell_stop(self, stopped) -> None:
-        """Raise or warn what made the kernel stop: None, the argument that it refused, or (outcome, joint)."""
-        if stopped is None:
-            return
-        if isinstance(stopped, str):
-            raise ValueError(f'{stopped} cannot be taken')
+    def _tell_stop(self, outcome: int, joint: int) -> None:
+        """Raise or warn what made the kernel stop."""
         self._warn_of_coarse_step()
-        outcome, joint = stopped
-        if _kernel.OUTCOMES[outcome] == 'interrupted':
+        why = _kernel.OUTCOMES[outcome]
+        if why == 'interrupted':
             raise Interrupted(f'{self.chain.name} was interrupted at tick {self.tick}, t = {self.time!r} s')
-        if outcome:
+        if why != 'good':
             raise self._error(outcome, joint)
 
     def _warn_of_coarse_step(self) -> None:
@@ -451,26 +444,6 @@ class Simulation:
     def _error(self, outcome: int, joint: int) -> SimulationError:
         return stop_error(self.chain, self.tick, self.time, outcome, joint, self.position, self.velocity)
 
-    def _checked(self, ticks, effort, record) -> tuple:
-        """Return the arguments of advance as the kernel takes them; ValueError."""
-        if not isinstance(ticks, (int, np.integer)) or isinstance(ticks, bool) or ticks < 0:
-            raise ValueError(f'ticks is {ticks!r}, must be a whole number >= 0')
-        if ticks > MOST_TICKS - self.tick:
-            raise ValueError(f'ticks is {ticks!r}, must be at most {MOST_TICKS - self.tick}: no more can be counted')
-        joints = self.chain.joint_count
-        if effort is not None:
-            effort = joint_array('effort', effort, (joints,) if _is_flat(effort) else (ticks, joints))
-        if record is not None:
-            if not isinstance(record, (tuple, list)) or len(record) != 3 or not all(
-                    isinstance(rows, np.ndarray) for rows in record):
-                raise ValueError(f'record is {record!r:.80}, must be three arrays, for position, velocity and effort')
-            for rows in record:
-                if rows.shape != (ticks, joints) or rows.dtype != np.float64 or not rows.flags.carray:
-                    raise ValueError(f'record has an array of {rows.dtype} and shape {rows.shape}, '
-                                     f'must be C-ordered writeable float64 of shape {(ticks, joints)}')
-            record = tuple(record)
-        return int(ticks), effort, record
-
     def advance_to(self, time: float, effort=None) -> None:
         """
         Go on to exactly `time` s under `effort` as in advance; an adaptive method may stop between two ticks.
@@ -478,36 +451,22 @@ class Simulation:
         ValueError: a time that lies back, for a method of fixed step one that is no whole number of steps; effort rows
         for a time between two ticks. SimulationError, and signals and interrupt(), as in advance.
         """
-        tick, between = self._place_of(time, 'time')
-        stopped = self._stepper.advance_to(tick, between, effort)
-        if isinstance(stopped, str):
-            effort = self._checked_on_the_way(time, tick, between, effort)
-            stopped = self._stepper.advance_to(tick, between, effort)
-        self._tell_stop(stopped)
+        stopped = self._stepper.advance_to(*self._place_of(time, 'time'), effort)
+        if stopped is not None:
+            self._tell_stop(*stopped)
 
     def _place_of(self, time: float, name: str) -> tuple[int, Optional[float]]:
         """Tick of a time, and the time itself if it is between that tick and the next; ValueError calls it `name`."""
         try:
-            return whole_ticks(time, self.step, name), None
+            tick, between = whole_ticks(time, self.step, name), None
         except ValueError:
-            number = isinstance(time, (int, float, np.integer, np.floating))
-            if not self._row.adaptive or not number or not 0.0 <= time < MOST_TICKS * self.step:
+            if not self._row.adaptive or not _is_number(time) or not 0.0 <= time < MOST_TICKS * self.step:
                 raise
-            return int(time / self.step), float(time)
-
-    def _checked_on_the_way(self, time, tick: int, between: Optional[float], effort):
-        """Return the effort of advance_to as the kernel takes it; ValueError: that, or a time that lies back."""
-        now = self.time
-        if (tick, tick * self.step if between is None else between) < (self.tick, now):
-            raise ValueError(f'time is {time!r} s, must not lie before the present {now!r} s')
+            tick, between = int(time / self.step), float(time)
         if tick > MOST_TICKS:
-            raise ValueError(f'time is {time!r} s, must be at most {MOST_TICKS * self.step!r} s: '
+            raise ValueError(f'{name} is {time!r} s, must be at most {MOST_TICKS * self.step!r} s: '
                              'no more ticks can be counted')
-        if effort is None:
-            return None
-        joints = self.chain.joint_count
-        return joint_array('effort', effort, (joints,) if between is not None or np.ndim(effort) == 1
-                           else (tick - self.tick, joints))
+        return tick, between
 
     def checkpoint(self) -> Checkpoint:
         """Everything, hidden round-off terms included: going on from it gives the same bits."""
@@ -539,13 +498,13 @@ class Simulation:
             if saved.step != self.step or (between is not None and not self._row.adaptive):
                 tick, between = self._place_of(saved.time, 'time of the checkpoint')
             if chain == self.chain and saved.wrenches == self._wrenches:
-                return self._load(self._stepper, tick, between, saved.state, anew)
+                return self._stepper.load(tick, between, saved.state, anew)
             try:
                 fresh = self._make_stepper(chain, form)
                 fresh.set_wrenches(on_links(chain, saved.wrenches))
             except (TypeError, ValueError, AttributeError) as error:
                 raise ValueError(f'checkpoint is damaged: its wrenches cannot be ({error})') from None
-            self._load(fresh, tick, between, saved.state, anew)
+            fresh.load(tick, between, saved.state, anew)
             self._go_on_with(chain, saved.wrenches, fresh, True)
 
     def _checked_settings(self, saved: Checkpoint) -> tuple[Chain, int]:
@@ -570,21 +529,10 @@ class Simulation:
             raise ValueError(f'checkpoint is damaged: its chain has {saved.own_bodies!r} bodies that are no payloads')
         return saved.chain, saved.own_bodies
 
-    @staticmethod
-    def _load(stepper, tick: int, between: Optional[float], state: tuple, anew: bool = False) -> None:
-        refused = stepper.load(tick, between, state, anew)
-        if refused:
-            raise ValueError(f'checkpoint is damaged: its {refused} cannot be what was saved')
 
-
-def _is_flat(values) -> bool:
-    """Whether values are one row of numbers and not rows of rows."""
-    if isinstance(values, (list, tuple)) and values and isinstance(values[0], (float, int)):
-        return True
-    try:
-        return np.ndim(values) == 1
-    except ValueError:   # rows of different lengths
-        return False
+def _is_number(given) -> bool:
+    """Whether it is one real number; NumPy takes spans of time for integers."""
+    return isinstance(given, (int, float, np.integer, np.floating)) and not isinstance(given, np.timedelta64)
 
 
 def whole_ticks(duration: float, step: float, name: str = 'duration') -> int:
@@ -592,7 +540,7 @@ def whole_ticks(duration: float, step: float, name: str = 'duration') -> int:
     if type(duration) is float and isfinite(duration):
         ratio, spacing = duration / step, ulp(duration)
     else:   # another kind of number, perhaps of fewer digits, or none
-        number = isinstance(duration, (int, float, np.integer, np.floating)) and abs(duration) < 1e308
+        number = _is_number(duration) and abs(duration) < 1e308
         ratio, spacing = (float(duration) / step, np.spacing(abs(duration))) if number else (-1.0, 0.0)
     # What overflows in steps is no whole number of them either.
     ticks = round(ratio) if isfinite(ratio) else -1

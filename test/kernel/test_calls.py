@@ -1,4 +1,6 @@
 """What calls from Python take and refuse: one check in the kernel, the same bits from every kind of numbers."""
+from fractions import Fraction
+
 import numpy as np
 from oracles.random_trees import one_joint, random_state, random_tree
 import pytest
@@ -22,7 +24,16 @@ LOOKS = {
     'matrix row': lambda row: np.vstack([row, row])[1], 'column': lambda row: np.column_stack([row, row])[:, 1],
     'read-only': lambda row: np.frombuffer(row.tobytes()),
     'unaligned': lambda row: np.frombuffer(b'x' + row.tobytes(), dtype=np.float64, offset=1),
-    'masked': np.ma.array, 'strings': lambda row: [str(number) for number in row]}
+    'objects': lambda row: row.astype(object), 'fractions': lambda row: [Fraction(number) for number in row]}
+NO_NUMBERS = {
+    'strings': ['1', '2'], 'bytes': [b'1', b'2'], 'a string': '12', 'bytes alone': b'12', 'bytearray': bytearray(b'12'),
+    'strings as objects': np.array(['1', 2.0], dtype=object), 'one string': [0.0, 'x'], 'none': [None, 1.0],
+    'dates': np.zeros(2, 'datetime64[s]'), 'spans': np.zeros(2, 'timedelta64[s]'),
+    'structured': np.zeros(2, [('a', float)]), 'masked': np.ma.array([1.0, 2.0]),
+    'half masked': np.ma.array([1.0, 2.0], mask=[0, 1]), 'complex': [0.0, 1j], 'complex array': np.ones(2) * 1j,
+    'complex objects': np.array([0.0, np.complex128(1.0)], dtype=object), 'too large': [10**400, 0],
+    'too large, negative': (0, -10**400), 'ragged': [0.0, [1.0, 2.0]], 'a set': {0.0, 1.0},
+    'a mapping': {0: 0.0, 1: 1.0}, 'functions': [len, len], 'iterator': iter([0.0, 1.0])}
 
 
 def bits(answer):
@@ -56,7 +67,7 @@ def test_a_single_joint_takes_a_bare_number():
     (np.zeros((2, 3)), 'NAME has shape (2, 3), must have (2,)'),
     ([0.0, np.nan], 'NAME[1] is nan, must be finite'), ((np.inf, 0.0), 'NAME[0] is inf, must be finite'),
     (np.array([0.0, -np.inf]), 'NAME[1] is -inf, must be finite'),
-    ('no', "NAME must be numbers of shape (2,), got 'no'"), (None, 'NAME has shape (1,), must have (2,)'),
+    ('no', "NAME must be numbers of shape (2,), got 'no'"), (None, 'NAME must be numbers of shape (2,), got None'),
     ([0.0, 'x'], "NAME must be numbers of shape (2,), got [0.0, 'x']"),
     ([0.0, 1j], 'NAME must be numbers of shape (2,), got [0.0, 1j]'),
     ([0.0, [1.0, 2.0]], 'NAME must be numbers of shape (2,), got [0.0, [1.0, 2.0]]'),
@@ -70,13 +81,82 @@ def test_every_call_refuses_each_of_its_arguments_in_one_sentence(values, senten
             arguments[place] = values
             with pytest.raises(ValueError) as caught:
                 getattr(pcs, call)(chain, *arguments)
-            assert str(caught.value) == sentence.replace('NAME', name)
+            wanted = sentence if call == 'linearize' else sentence.replace('(2,)', '(..., 2)')
+            assert str(caught.value) == wanted.replace('NAME', name)
     simulation = pcs.Simulation(chain, 'rk4')
     before = bits(simulation.position)
     for name, arguments in (('position', (values, [0.0, 0.0])), ('velocity', ([1.0, 1.0], values))):
         with pytest.raises(ValueError) as caught:
             simulation.set_state(*arguments)
         assert str(caught.value) == sentence.replace('NAME', name) and bits(simulation.position) == before
+
+
+def doors():
+    """Return by name every place at which the Python interface takes two numbers, as a function of these."""
+    chain, row = uniform_rods(2), [0.1, 0.2]
+    body = chain.bodies[0].name
+    counts = {**CALLS, 'body_poses': 1, 'body_velocities': 2, 'center_of_mass': 1, 'momentum': 2, 'reaction_forces': 3}
+    found = {f'{name}, argument {place + 1}': lambda values, name=name, place=place, count=count: getattr(pcs, name)(
+        chain, *(values if k == place else row for k in range(count)))
+        for name, count in counts.items() for place in range(count)}
+    return found | {
+        'forward_dynamics by matrices': lambda values: pcs.forward_dynamics(chain, row, row, values, form='reference'),
+        'jacobian of positions': lambda values: pcs.jacobian(chain, values, body),
+        'jacobian of a point': lambda values: pcs.jacobian(chain, row, body, values),
+        'set_state, position': lambda values: pcs.Simulation(chain).set_state(values, row),
+        'set_state, velocity': lambda values: pcs.Simulation(chain).set_state(row, values),
+        'advance': lambda values: pcs.Simulation(chain).advance(2, values),
+        'advance_to': lambda values: pcs.Simulation(chain).advance_to(0.0005, values),
+        'set_wrench': lambda values: pcs.Simulation(chain).set_wrench(body, values),
+        'attach': lambda values: pcs.Simulation(chain).attach(body, 0.1, values),
+        'rollout under a function': lambda values: pcs.rollout(chain, 0.001, effort=lambda *_: values),
+        **{f'{run.__name__}, {name}': lambda values, run=run, name=name: run(chain, duration=0.002, **{name: values})
+           for run in (pcs.rollout, pcs.rollout_batch) for name in ('position', 'velocity', 'effort')}}
+
+
+@pytest.mark.parametrize('door', doors())
+@pytest.mark.parametrize('what', NO_NUMBERS)
+def test_what_is_no_number_is_refused_at_every_door(door, what):
+    with pytest.raises(ValueError) as caught:
+        doors()[door](NO_NUMBERS[what])
+    assert 'must' in str(caught.value) and '\n' not in str(caught.value)
+
+
+@pytest.mark.parametrize('seed', range(40))
+def test_a_random_misfit_at_a_random_door_is_one_sentence(seed):
+    """Rows that are right, a part of which is replaced by what is no number, in any container."""
+    draw = np.random.default_rng(seed)
+    wrong = ['1', b'1', 'x', None, 1j, 10**400, -10**400, np.nan, np.inf, np.datetime64('2020-01-01'), object(), [0.1]]
+    for name, door in doors().items():
+        row = [0.1, 0.2]
+        row[draw.integers(2)] = wrong[draw.integers(len(wrong))]
+        if draw.random() < 0.3:
+            boxed = np.empty(2, dtype=object)
+            boxed[:] = row
+            row = boxed
+        elif draw.random() < 0.3:
+            row = tuple(row)
+        with pytest.raises(ValueError) as caught:
+            door(row)
+        assert 'must' in str(caught.value) and '\n' not in str(caught.value), (name, row)
+
+
+@pytest.mark.parametrize('wrong', ['1', b'1', 10**400, -10**400, 1j, [1.0], np.nan, np.inf, None, {}, np.str_('1'),
+                                   np.datetime64('2020-01-01'), np.timedelta64(1, 's'), np.array([1.0, 2.0])], ids=repr)
+def test_what_is_no_number_is_refused_where_one_is_wanted(wrong):
+    chain = uniform_rods(2)
+    body = chain.bodies[0].name
+    for call in (lambda: pcs.Simulation(chain, step=wrong),
+                 lambda: pcs.Simulation(chain, tolerance='none' if wrong is None else wrong),
+                 lambda: pcs.Simulation(chain).advance(wrong), lambda: pcs.Simulation(chain).advance_to(wrong),
+                 lambda: pcs.Simulation(chain, 'rk4').advance_to(wrong), lambda: pcs.rollout(chain, wrong),
+                 lambda: pcs.rollout_batch(chain, duration=wrong),
+                 lambda: pcs.rollout_batch(chain, duration=0.002, threads='none' if wrong is None else wrong),
+                 lambda: pcs.Simulation(chain).set_wrench(body, moment=wrong),
+                 lambda: pcs.Simulation(chain).attach(body, wrong),
+                 lambda: pcs.Simulation(chain).attach(body, 0.1, inertia_com=wrong)):
+        with pytest.raises(ValueError, match='must'):
+            call()
 
 
 def test_places_in_tables_are_named_by_row_and_column():

@@ -127,13 +127,13 @@ def test_leading_axes_are_kept():
 @pytest.mark.parametrize('call, sentence', [
     (lambda chain, q: pcs.body_poses(chain, q[:-1]), 'position has shape'),
     (lambda chain, q: pcs.body_poses(chain, 1.0), 'position has shape'),
-    (lambda chain, q: pcs.body_poses(chain, q * np.nan), 'position has a number that is not finite'),
+    (lambda chain, q: pcs.body_poses(chain, q * np.nan), 'position[0] is nan, must be finite'),
     (lambda chain, q: pcs.body_poses(chain, ['a'] * len(q)), 'position must be numbers of shape'),
     (lambda chain, q: pcs.body_velocities(chain, [q] * 2, [q] * 3), 'the leading axes do not fit'),
     (lambda chain, q: pcs.jacobian(chain, q, 'bodi1'), "body is 'bodi1', must be one of"),
     (lambda chain, q: pcs.jacobian(chain, q, 'body1', (0.0,)), 'point has shape (1,), must have (2,)'),
     (lambda chain, q: pcs.jacobian(chain, q, 'body1', 'xy'), "point must be numbers of shape (2,), got 'xy'"),
-    (lambda chain, q: pcs.forward_dynamics(chain, [q] * 2, [q] * 3, q), 'position has shape'),
+    (lambda chain, q: pcs.forward_dynamics(chain, [q] * 2, [q] * 3, q), 'the leading axes do not fit'),
     (lambda chain, q: pcs.energy(chain, [[]], [[]]), 'position has shape'),
 ])
 def test_misfits_are_refused(call, sentence):

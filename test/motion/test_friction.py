@@ -1,4 +1,7 @@
 """Dry friction and stops where rounding decides: named scenes, whole families, and the search that finds the events."""
+from dataclasses import replace
+from fractions import Fraction
+
 import mpmath
 import numpy as np
 import pytest
@@ -152,6 +155,39 @@ def test_many_turns_do_not_make_the_acceleration_of_a_scene_with_friction_less_e
         scale = np.abs(accelerations[0]).max()
         assert np.abs(accelerations[2] - accelerations[0]).max() < 1e-14 * scale
         assert np.abs(accelerations[3] - accelerations[1]).max() < 1e-13 * scale
+
+
+@pytest.mark.parametrize('seed', range(40))
+def test_a_random_scene_with_stops_and_friction_moves_a_million_turns_on_as_it_did(seed):
+    """Twins that differ by whole turns of one joint, to twice double precision: the same events, the same motion."""
+    draw, pi = np.random.default_rng(seed), Fraction('3.14159265358979323846264338327950288419716939937510582097494459')
+    links = int(draw.integers(2, 6))
+    turned, turns = int(draw.integers(links)), int(draw.choice([-1, 1])) * 10**6
+    bounds = np.where(np.arange(links) == turned, np.inf, draw.uniform(0.3, 2.0, links))
+    friction = draw.uniform(0.0, 3.0, links) * (draw.random(links) < 0.7)
+    chain = with_laws(uniform_rods(links, bend=0.1), friction=friction,
+                      upper=bounds, lower=-bounds, restitution=draw.choice([0.0, 0.5], links))
+    start, rate = draw.uniform(-0.3, 0.3, links), draw.normal(size=links)
+    method = STIFF_TOO[seed % len(STIFF_TOO)]
+    ends = []
+    for whole in (0, turns):
+        simulation = pcs.Simulation(chain, method, 1e-3, 1e-14 if pcs.METHODS[method].adaptive else None)
+        simulation.set_state(start, rate)
+        saved = simulation.checkpoint()
+        position, remainder = saved.state[0].copy(), np.zeros(links)
+        angle = Fraction(start[turned]) + 2 * whole * pi
+        position[turned] = float(angle)
+        remainder[turned] = float(angle - Fraction(position[turned]))
+        simulation.restore(replace(saved, state=(position, saved.state[1], remainder, *saved.state[3:])))
+        simulation.advance(300)
+        position, velocity, remainder, *_ = simulation.checkpoint().state
+        reached = [Fraction(high) + Fraction(low) for high, low in zip(position, remainder)]
+        reached[turned] -= 2 * whole * pi
+        events = simulation.take_events()
+        ends.append(([*map(float, reached), *velocity, *simulation.acceleration, *(event.time for event in events)],
+                     [(event.kind, event.joint) for event in events]))
+    assert ends[1][1] == ends[0][1]
+    np.testing.assert_allclose(ends[1][0], ends[0][0], rtol=1e-10, atol=1e-10)
 
 
 def test_events_without_end_are_named():

@@ -182,10 +182,9 @@ class Fuzz:
         if junk.random.random() < 0.1:
             state[junk.random.integers(6)] = junk.array(self.joints)
         into = copy.copy(self.simulation)._stepper
-        refused = into.load(*junk.arguments(junk.number() if junk.beside() else tick, between,
-                                            tuple(state), junk.one_of(True, False, False)))
-        if refused is None:
-            into.advance(3, None, None)
+        into.load(*junk.arguments(junk.number() if junk.beside() else tick, between, tuple(state),
+                                  junk.one_of(True, False, False)))
+        into.advance(3, None, None)
 
     def restore(self):
         saved, junk = self.simulation.checkpoint(), self.junk
@@ -236,6 +235,8 @@ class Fuzz:
         shape = [int(junk.random.integers(4)) for _ in range(junk.random.integers(4))]
         given = _kernel.finite_array('x', junk.number() if junk.beside() else junk.array(*shape), shape)
         assert given.shape == tuple(shape) and np.isfinite(given).all()
+        assert _kernel.finite_rows('x', np.zeros((*shape, 2)), 2).shape == (*shape, 2)
+        _kernel.finite_rows(*junk.arguments('x', junk.array(*shape), junk.one_of(0, 1, 2)))
         _kernel.plane_vector(*junk.arguments('x', junk.one_of(junk.array(2), (junk.number(), junk.number()))))
         _kernel.unit_vector(junk.one_of(1e300, 1.7e308, 5e-324, np.nan, np.inf, junk.random.normal() * 1e9))
 

@@ -27,7 +27,7 @@ class Peer:
         start, last = np.concatenate(initial_state(chain)), [None]
 
         def rate(time, state):
-            acceleration, _ = model.forward_dynamics(state[:joints], state[joints:], zero)
+            acceleration, *_ = model.forward_dynamics(state[:joints], state[joints:], zero)
             return np.concatenate([state[joints:], acceleration])
 
         def go():

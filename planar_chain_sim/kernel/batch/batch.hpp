@@ -8,6 +8,7 @@
 #include <memory>
 #include <vector>
 
+#include "../integrators/methods.hpp"
 #include "../integrators/rollout.hpp"
 #include "../integrators/runge_kutta.hpp"
 #include "side_by_side.hpp"
@@ -22,6 +23,17 @@ struct SingleRun {
 
 // Methods that run in lanes; the others run scene by scene.
 enum class LaneMethod { none, runge_kutta, semi_implicit_euler };
+
+inline LaneMethod lane_method(const MethodData& data) {
+  switch (data.family) {
+    case Family::explicit_runge_kutta: return data.adaptive ? LaneMethod::none : LaneMethod::runge_kutta;
+    case Family::semi_implicit: return LaneMethod::semi_implicit_euler;
+    case Family::gauss:
+    case Family::rosenbrock:
+    case Family::taylor: return LaneMethod::none;
+  }
+  return LaneMethod::none;
+}
 
 struct Batch {
   std::vector<Scene> scenes;  // one for all states, or one for each

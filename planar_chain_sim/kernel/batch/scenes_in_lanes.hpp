@@ -7,8 +7,10 @@
 #include <optional>
 #include <vector>
 
+#include "../arithmetic/compensated_sum.hpp"
 #include "../forms/forms.hpp"
 #include "../forms/right_hand_side.hpp"
+#include "../integrators/fixed_step.hpp"
 #include "batch.hpp"
 #include "side_by_side.hpp"
 
@@ -116,8 +118,12 @@ class ScenesInLanes {
 
   // From state_ to next_; tells which scenes may not go there.
   Truth<Real> step() {
-    const Truth<Real> singular =
-        batch_.method == LaneMethod::semi_implicit_euler ? semi_implicit_euler() : runge_kutta();
+    Truth<Real> singular = 0;
+    switch (batch_.method) {
+      case LaneMethod::runge_kutta: singular = runge_kutta(); break;
+      case LaneMethod::semi_implicit_euler: singular = semi_implicit_euler(); break;
+      case LaneMethod::none: break;   // runs alone
+    }
     Real nothing = 0.0;         // or no number, where one that is not finite meets itself
     Truth<Real> violent = 0;    // is judged alone
     for (std::size_t j = 0; j < joints_; ++j) {
@@ -238,8 +244,8 @@ class StatesInLanes {
   StatesInLanes(const Scene& scene, const double* position, const double* velocity, const double* effort,
                 std::size_t count)
       : joints_(static_cast<std::size_t>(scene.chain->joint_count)), count_(count), constants_(in_all_lanes(scene)),
-        form_(make_form<Real>(constants_.chain, scene.dense)),
-        blocks_((count + lanes - 1) / lanes * quantities * joints_), effort_(joints_) {
+        form_(make_form<Real>(constants_.chain, scene.dense)), right_hand_side_(constants_.chain, constants_.forces),
+        blocks_((count + lanes - 1) / lanes * quantities * joints_) {
     const double* given[] = {position, velocity, effort};
     for (std::size_t i = 0; i < count_; ++i)
       for (std::size_t part = 0; part < 3; ++part)
@@ -252,18 +258,11 @@ class StatesInLanes {
   bool possible() const { return form_ != nullptr; }
 
   void run() {
-    const auto& forces = constants_.forces;
-    const bool passive = forces.passive();
     for (std::int64_t k = 0; k < repeats; ++k)
       for (std::size_t at = 0; at < blocks_.size(); at += quantities * joints_) {
-        const Real *position = &blocks_[at], *velocity = position + joints_, *effort = velocity + joints_;
-        Real* const acceleration = &blocks_[at + 3 * joints_];
-        if (passive) {
-          for (std::size_t j = 0; j < joints_; ++j) effort_[j] = effort[j];
-          forces.add_passive(position, velocity, effort_.data());
-          effort = effort_.data();
-        }
-        form_->forward(position, velocity, effort, acceleration);
+        const Real *position = &blocks_[at], *velocity = position + joints_;
+        const Real* const effort = right_hand_side_.efforts(position, velocity, velocity + joints_);
+        form_->forward(right_hand_side_.from_far(), velocity, effort, &blocks_[at + 3 * joints_]);
       }
   }
 
@@ -287,8 +286,8 @@ class StatesInLanes {
   const std::size_t joints_, count_;
   SideBySide<Real> constants_;
   std::unique_ptr<FormOf<Real>> form_;
+  RightHandSideOf<Real> right_hand_side_;
   AlignedVector<Real> blocks_;
-  std::vector<Real> effort_;
 };
 
 }  // namespace planar_chain

@@ -32,6 +32,16 @@ namespace planar_chain {
 
 enum class EventKind { touched, left, stuck, slipped };
 
+inline const char* name_of(EventKind kind) {
+  switch (kind) {
+    case EventKind::touched: return "stop_touched";
+    case EventKind::left: return "stop_left";
+    case EventKind::stuck: return "stuck";
+    case EventKind::slipped: return "slipped";
+  }
+  return nullptr;
+}
+
 struct JointEvent {
   std::int64_t tick;  // the last one before it
   double offset;      // s behind that tick
@@ -48,6 +58,8 @@ class EventDriven final : public Integrator {
         watched_(method_, step, holding_, part_, effort_), kept_(joints_), standing_at_(joints_) {}
 
   std::deque<JointEvent> events;  // the newest most_kept, for whoever takes them
+
+  EventDriven* event_driven() override { return this; }
 
   Progress advance(double now, std::int64_t tick, std::int64_t ticks, JointState& state,
                    const double* actuator) override {

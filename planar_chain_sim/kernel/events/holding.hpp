@@ -11,9 +11,10 @@
 #include <utility>
 #include <vector>
 
+#include "../arithmetic/compensated_sum.hpp"
 #include "../forms/recursive.hpp"
 #include "../forms/right_hand_side.hpp"
-#include "../integrators/integrators.hpp"
+#include "../integrators/integrator.hpp"
 #include "../model/chain.hpp"
 #include "../model/joint_forces.hpp"
 #include "box_problem.hpp"

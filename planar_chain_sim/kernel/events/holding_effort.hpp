@@ -5,6 +5,7 @@
 #include <cmath>
 #include <vector>
 
+#include "../forms/outcome.hpp"
 #include "holding.hpp"
 #include "moving_part.hpp"
 

@@ -4,8 +4,8 @@
 
 #include <vector>
 
+#include "../arithmetic/plane_vectors.hpp"
 #include "../arithmetic/trigonometry.hpp"
-#include "../forms/recursive.hpp"
 #include "../model/chain.hpp"
 #include "../model/joint_forces.hpp"
 

@@ -300,8 +300,9 @@ class WatchedMotion {
       case Watch::below_upper: return (holding_.upper[j] - state.position[k]) - state.position_remainder[k];
       case Watch::sliding: return holding_.sign[j] * (state.velocity[k] + state.velocity_remainder[k]);
       case Watch::held_up: return (holding_.most(j) - effort_.lambda[j]) + effort_.margin[j];
-      default: return (effort_.lambda[j] - holding_.least(j)) + effort_.margin[j];
+      case Watch::held_down: return (effort_.lambda[j] - holding_.least(j)) + effort_.margin[j];
     }
+    return 0.0;
   }
 
   static constexpr double none = -1.0;

@@ -9,6 +9,7 @@
 
 #include <vector>
 
+#include "../arithmetic/plane_vectors.hpp"
 #include "recursive.hpp"
 #include "wide.hpp"
 

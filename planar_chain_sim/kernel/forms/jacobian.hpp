@@ -15,6 +15,7 @@
 #include <type_traits>
 #include <vector>
 
+#include "../arithmetic/plane_vectors.hpp"
 #include "../arithmetic/trigonometry.hpp"
 #include "../model/chain.hpp"
 #include "../model/joint_forces.hpp"

@@ -8,6 +8,7 @@
 
 #include "../arithmetic/cache_lines.hpp"
 #include "../arithmetic/lanes.hpp"
+#include "../arithmetic/plane_vectors.hpp"
 #include "../arithmetic/vector_width.hpp"
 #include "../model/chain.hpp"
 #include "recursive.hpp"

@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "../arithmetic/cache_lines.hpp"
-#include "../integrators/integrators.hpp"
 #include "../model/joint_forces.hpp"
 #include "../model/joint_state.hpp"
 #include "../model/whole_turns.hpp"
@@ -39,15 +38,33 @@ class RightHandSideOf {
     return effort_.data();
   }
 
+  // All efforts at `position`, which from_far() then is without whole turns.
+  const Real* efforts(const Real* position, const Real* velocity, const Real* actuator) {
+    start(position);
+    from_far_.assign(position, position + joints_), nothing_.resize(from_far_.size());
+    return efforts(position, nothing_.data(), from_far_.data(), velocity, actuator);
+  }
+  const Real* from_far() const { return from_far_.data(); }
+
+  // `position` without whole turns, where no effort is asked for.
+  const Real* from_far(const Real* position) {
+    if (!turns_.find(position)) return position;
+    from_far_.assign(position, position + joints_), nothing_.resize(from_far_.size());
+    turns_.leave_out(position, nothing_.data(), from_far_.data());
+    return from_far_.data();
+  }
+
+  // Joint efforts that do the work of the wrenches at a state.
+  void wrench_efforts(const JointState& state, Real* effort) {
+    find_near(state);
+    forces_.add_wrenches(at_->position.data(), at_->position_remainder.data(), effort);
+  }
+
   // All efforts at a state that is known beyond double precision; near() is then that state without whole turns.
   Real* efforts(const JointState& state, const Real* actuator) {
     for (int i = 0; i < joints_; ++i) effort_[i] = actuator[i];
     forces_.add_passive(state.position.data(), state.velocity.data(), effort_.data());
-    at_ = &state;
-    if (turns_.find(state.position.data())) {
-      near_ = state, at_ = &near_;
-      turns_.leave_out(near_.position, near_.position_remainder);
-    }
+    find_near(state);
     forces_.add_wrenches(at_->position.data(), at_->position_remainder.data(), effort_.data());
     return effort_.data();
   }
@@ -61,20 +78,23 @@ class RightHandSideOf {
   }
 
  private:
+  void find_near(const JointState& state) {
+    at_ = &state;
+    if (!turns_.find(state.position.data())) return;
+    near_ = state, at_ = &near_;
+    turns_.leave_out(near_.position, near_.position_remainder);
+  }
+
   const JointForcesOf<Real>& forces_;
   WholeTurns<Real> turns_;
   const int joints_;
   bool far_ = false;
   AlignedVector<Real> effort_;
+  std::vector<Real> from_far_, nothing_;
   JointState near_;
   const JointState* at_ = nullptr;
 };
 
 using RightHandSide = RightHandSideOf<double>;
-
-// What became of an evaluation at `position` that named `joint`.
-inline Outcome outcome_of(int joint, const double* position, int joints) {
-  return joint < 0 ? Outcome::good : singular_or_not_finite(position, joints);
-}
 
 }  // namespace planar_chain

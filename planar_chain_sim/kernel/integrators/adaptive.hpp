@@ -8,9 +8,11 @@
 #include <limits>
 #include <vector>
 
+#include "../arithmetic/compensated_sum.hpp"
 #include "../arithmetic/rough_powers.hpp"
+#include "../model/joint_forces.hpp"
 #include "../model/whole_turns.hpp"
-#include "integrators.hpp"
+#include "integrator.hpp"
 
 namespace planar_chain {
 

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <vector>
 
+#include "../arithmetic/compensated_sum.hpp"
+#include "../arithmetic/rough_powers.hpp"
 #include "adaptive.hpp"
 #include "runge_kutta.hpp"
 

@@ -8,8 +8,10 @@
 #include <limits>
 #include <vector>
 
+#include "../arithmetic/compensated_sum.hpp"
+#include "../forms/outcome.hpp"
 #include "../forms/right_hand_side.hpp"
-#include "integrators.hpp"
+#include "fixed_step.hpp"
 #include "runge_kutta.hpp"
 
 namespace planar_chain {

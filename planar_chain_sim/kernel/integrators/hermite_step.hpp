@@ -4,7 +4,8 @@
 
 #include <vector>
 
-#include "integrators.hpp"
+#include "../arithmetic/compensated_sum.hpp"
+#include "../model/joint_state.hpp"
 
 namespace planar_chain {
 

@@ -24,18 +24,15 @@ namespace planar_chain {
 // What is common to methods of one class: `family` in METHODS.
 enum class Family { explicit_runge_kutta, semi_implicit, gauss, rosenbrock, taylor };
 
-inline const std::vector<std::pair<std::string, Family>>& families() {
-  static const std::vector<std::pair<std::string, Family>> all = {
-      {"explicit Runge-Kutta", Family::explicit_runge_kutta}, {"semi-implicit", Family::semi_implicit},
-      {"Gauss", Family::gauss}, {"Rosenbrock", Family::rosenbrock}, {"taylor", Family::taylor}};
-  return all;
-}
-
-// False where no family has this name.
-inline bool find_family(const std::string& name, Family& family) {
-  for (const auto& [other, its] : families())
-    if (name == other) return family = its, true;
-  return false;
+inline const char* name_of(Family family) {
+  switch (family) {
+    case Family::explicit_runge_kutta: return "explicit Runge-Kutta";
+    case Family::semi_implicit: return "semi-implicit";
+    case Family::gauss: return "Gauss";
+    case Family::rosenbrock: return "Rosenbrock";
+    case Family::taylor: return "taylor";
+  }
+  return nullptr;
 }
 
 // What a method is made of, from its row of METHODS in integrators.py.

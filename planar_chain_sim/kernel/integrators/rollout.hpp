@@ -4,7 +4,8 @@
 #include <cstdint>
 #include <cstring>
 
-#include "integrators.hpp"
+#include "../model/joint_forces.hpp"
+#include "integrator.hpp"
 
 namespace planar_chain {
 

@@ -3,8 +3,10 @@
 
 #include <vector>
 
+#include "../arithmetic/compensated_sum.hpp"
+#include "../forms/outcome.hpp"
 #include "../forms/right_hand_side.hpp"
-#include "integrators.hpp"
+#include "fixed_step.hpp"
 
 namespace planar_chain {
 

@@ -6,6 +6,9 @@
 #include <vector>
 
 #include "../arithmetic/cache_lines.hpp"
+#include "../arithmetic/compensated_sum.hpp"
+#include "../arithmetic/rough_powers.hpp"
+#include "../forms/outcome.hpp"
 #include "../forms/right_hand_side.hpp"
 #include "../model/chain.hpp"
 #include "adaptive.hpp"

@@ -39,27 +39,57 @@ inline Array make_array(const std::vector<double>& values) {
   return made;
 }
 
-// Finite numbers of one shape, C-ordered: the caller's own where they are that already, else as NumPy converts them.
-// ValueError names the argument, what it is and what it must be.
+// Whether the numbers lie where the processor can read them.
+inline bool aligned(const py::array& array) { return (array.flags() & py::detail::npy_api::NPY_ARRAY_ALIGNED_) != 0; }
+
+// Finite numbers, C-ordered: the caller's own where they are that already, else as NumPy converts them. Strings, bytes,
+// dates, structured, masked and complex arrays are no numbers. ValueError names the argument, what it is and what it must
+// be.
 class Numbers {
  public:
-  Numbers(const char* name, const py::handle& given, std::initializer_list<py::ssize_t> shape)
-      : Numbers(name, given, shape.begin(), static_cast<int>(shape.size())) {}
+  // The shape that is wanted. `leading`: the caller of the caller takes any axes before, and the sentence says so.
+  Numbers(const char* name, const py::handle& given, std::initializer_list<py::ssize_t> shape, bool leading = false)
+      : Numbers(name, given, shape.begin(), static_cast<int>(shape.size()), leading) {}
 
-  Numbers(const char* name, const py::handle& given, const py::ssize_t* shape, int dimensions) : array_(given) {
+  Numbers(const char* name, const py::handle& given, const py::ssize_t* shape, int dimensions, bool leading = false)
+      : array_(given) {
     const bool fits = is_plain(given) && has_shape(shape, dimensions);
-    if (!fits && !(dimensions == 1 && take_list(given, shape[0]))) convert(name, given, shape, dimensions);
-    data_ = reinterpret_cast<const double*>(py::detail::array_proxy(array_.ptr())->data);
-    const py::ssize_t size = count();
-    for (py::ssize_t i = 0; i < size; ++i)
-      if (!std::isfinite(data_[i])) refuse(name, i);
+    if (!fits && !(dimensions == 1 && take_list(given, shape[0]))) {
+      const std::string wanted = text_of(shape, dimensions, leading);
+      convert(name, given, wanted);
+      if (!has_shape(shape, dimensions)) misfit(name, wanted);
+    }
+    look_through(name);
   }
+
+  // Any axes, then one of `last` numbers.
+  static Numbers rows(const char* name, const py::handle& given, py::ssize_t last) {
+    Numbers made(given);
+    const std::string wanted = text_of(&last, 1, true);
+    if (!is_plain(given)) made.convert(name, given, wanted);
+    const auto* array = py::detail::array_proxy(made.array_.ptr());
+    if (array->nd < 1 || array->dimensions[array->nd - 1] != last) made.misfit(name, wanted);
+    made.look_through(name);
+    return made;
+  }
+
+  // (second,) numbers that are held, or (first, second), a row for each tick.
+  static Numbers row_or_rows(const char* name, const py::handle& given, py::ssize_t first, py::ssize_t second) {
+    const py::ssize_t shape[] = {first, second};
+    const int skipped = is_row(given) ? 1 : 0;
+    return {name, given, shape + skipped, 2 - skipped};
+  }
+
   Numbers(const Numbers&) = delete;
+  Numbers(Numbers&&) = default;
 
   const double* data() const { return data_; }
+  int dimensions() const { return py::detail::array_proxy(array_.ptr())->nd; }
   py::object array() const { return py::reinterpret_borrow<py::object>(array_); }
 
  private:
+  explicit Numbers(const py::handle& given) : array_(given) {}
+
   // A NumPy array of doubles as the processor has them, in C order: no subclass, no other byte order.
   static bool is_plain(const py::handle& given) {
     static const py::detail::npy_api& api = py::detail::npy_api::get();
@@ -67,6 +97,14 @@ class Numbers {
     if (Py_TYPE(given.ptr()) != api.PyArray_Type_) return false;
     const auto* array = py::detail::array_proxy(given.ptr());
     return array->descr == type_of_doubles() && (array->flags & wanted) == wanted;
+  }
+
+  // Whether it has one axis, before it is converted.
+  static bool is_row(const py::handle& given) {
+    if (py::isinstance<py::array>(given)) return py::detail::array_proxy(given.ptr())->nd == 1;
+    if (!PyList_Check(given.ptr()) && !PyTuple_Check(given.ptr()))
+      return py::hasattr(given, "ndim") && py::int_(1).equal(given.attr("ndim"));
+    return PySequence_Size(given.ptr()) == 0 || PySequence_Check(PySequence_Fast_GET_ITEM(given.ptr(), 0)) == 0;
   }
 
   bool has_shape(const py::ssize_t* shape, int dimensions) const {
@@ -104,23 +142,45 @@ class Numbers {
     return true;
   }
 
-  __attribute__((noinline)) void convert(const char* name, const py::handle& given, const py::ssize_t* shape,
-                                         int dimensions) {
-    py::tuple wanted(dimensions);
-    for (int k = 0; k < dimensions; ++k) wanted[static_cast<std::size_t>(k)] = shape[k];
+  // As NumPy has it, if that is numbers.
+  __attribute__((noinline)) void convert(const char* name, const py::handle& given, const std::string& wanted) {
+    const auto refuse = [&] {
+      const py::object one_line = py::str(" ").attr("join")(py::repr(given).attr("split")());
+      throw py::value_error(std::string(name) + " must be numbers of shape " + wanted + ", got " +
+                            text(py::str("{:.80}").format(one_line)));
+    };
+    const py::module_ numpy = py::module_::import("numpy");
     try {
-      made_ = py::module_::import("numpy").attr("ascontiguousarray")(given, py::dtype::of<double>());
+      if (PyByteArray_Check(given.ptr()) || py::isinstance(given, numpy.attr("ma").attr("MaskedArray"))) refuse();
+      const py::object array = numpy.attr("asarray")(given);
+      switch (text(array.attr("dtype").attr("kind"))[0]) {
+        case 'b': case 'i': case 'u': case 'f': break;
+        case 'O':   // other kinds of numbers, or of objects
+          for (const py::handle each : array.attr("flat"))
+            if (each.is_none() || PyUnicode_Check(each.ptr()) || PyBytes_Check(each.ptr()) || PyComplex_Check(each.ptr()))
+              refuse();
+          break;
+        default: refuse();
+      }
+      made_ = numpy.attr("ascontiguousarray")(array, py::dtype::of<double>());
     } catch (py::error_already_set& error) {
-      if (!error.matches(PyExc_TypeError) && !error.matches(PyExc_ValueError)) throw;
-      throw py::value_error(std::string(name) + " must be numbers of shape " + text(wanted) + ", got " +
-                            text(py::str("{!r:.80}").format(given)));
+      if (!error.matches(PyExc_TypeError) && !error.matches(PyExc_ValueError) && !error.matches(PyExc_OverflowError))
+        throw;
+      refuse();
     }
-    if ((py::reinterpret_borrow<py::array>(made_).flags() & py::detail::npy_api::NPY_ARRAY_ALIGNED_) == 0)
-      made_ = made_.attr("copy")();
+    if (!aligned(py::reinterpret_borrow<py::array>(made_))) made_ = made_.attr("copy")();
     array_ = made_;
-    if (!has_shape(shape, dimensions))
-      throw py::value_error(std::string(name) + " has shape " + text(array_.attr("shape")) + ", must have " +
-                            text(wanted));
+  }
+
+  [[noreturn]] __attribute__((noinline)) void misfit(const char* name, const std::string& wanted) const {
+    throw py::value_error(std::string(name) + " has shape " + text(array_.attr("shape")) + ", must have " + wanted);
+  }
+
+  void look_through(const char* name) {
+    data_ = reinterpret_cast<const double*>(py::detail::array_proxy(array_.ptr())->data);
+    const py::ssize_t size = count();
+    for (py::ssize_t i = 0; i < size; ++i)
+      if (!std::isfinite(data_[i])) refuse(name, i);
   }
 
   // The number at `place`, counted in C order, is not finite.
@@ -135,6 +195,14 @@ class Numbers {
   }
 
   static std::string text(const py::handle& object) { return py::cast<std::string>(py::str(object)); }
+
+  // As Python writes a tuple: (2,), (..., 2), (3, 2).
+  static std::string text_of(const py::ssize_t* shape, int dimensions, bool leading) {
+    std::string written = leading ? "(..." : "(";
+    for (int k = 0; k < dimensions; ++k)
+      written += (k > 0 || leading ? ", " : "") + std::to_string(shape[k]);
+    return written + (dimensions == 1 && !leading ? ",)" : ")");
+  }
 
   py::handle array_;
   py::object made_;

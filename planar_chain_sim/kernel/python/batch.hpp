@@ -107,9 +107,7 @@ inline py::tuple roll_batch(const SceneModels& models, double step, std::int64_t
   const pc::MethodData& first = *std::get<pc::MethodData*>(models.front());
   const bool smooth = std::none_of(batch.scenes.begin(), batch.scenes.end(),
                                    [](const pc::Scene& scene) { return scene.forces->have_events(); });
-  if (smooth && first.family == pc::Family::explicit_runge_kutta && !first.adaptive)
-    batch.method = pc::LaneMethod::runge_kutta, batch.tableau = first.tableau;
-  if (smooth && first.family == pc::Family::semi_implicit) batch.method = pc::LaneMethod::semi_implicit_euler;
+  if (smooth) batch.method = pc::lane_method(first), batch.tableau = first.tableau;
   batch.single_run = [&](std::size_t i) {
     const pc::Scene& scene = batch.scenes[i];
     const pc::MethodData& method = *std::get<pc::MethodData*>(models[i]);

@@ -20,17 +20,15 @@
 
 #include "../forms/forms.hpp"
 #include "../forms/jacobian.hpp"
+#include "../forms/outcome.hpp"
 #include "../forms/recursive.hpp"
 #include "../forms/response.hpp"
+#include "../forms/right_hand_side.hpp"
 #include "../model/chain.hpp"
 #include "../model/joint_forces.hpp"
-#include "../model/whole_turns.hpp"
 #include "arrays.hpp"
 
 namespace pc = planar_chain;
-
-// Whether the numbers lie where the processor can read them.
-inline bool aligned(const py::array& array) { return (array.flags() & py::detail::npy_api::NPY_ARRAY_ALIGNED_) != 0; }
 
 // An array of so many numbers; Python, which has checked it, says what was wanted.
 inline const double* numbers_of(const Array& array, py::ssize_t count) {
@@ -58,7 +56,7 @@ class Model {
       for (double pc::Link::* number : pc::Link::numbers) link.*number = c(i, column++);
     }
     chain_.find_features();
-    recursion_.emplace(chain_), turns_.emplace(chain_);
+    recursion_.emplace(chain_), right_hand_side_.emplace(chain_, forces);
     chain_.refined = pc::needs_refinement(chain_);
     recursive_ = pc::make_form<double>(chain_, false);
     effort_.resize(static_cast<std::size_t>(joint_count));
@@ -68,8 +66,7 @@ class Model {
   const pc::Chain& chain() const { return chain_; }
   pc::JointForces forces;
 
-  // Of a law that is added.
-  // A law of that name at a joint, with its numbers in the order of its header (laws/).
+  // Adds a law of that name at a joint, with its numbers in the order of its header (laws/).
   void add_law(const std::string& name, int index, const std::vector<double>& numbers) {
     bool known = false;
     forces.each_list([&](auto& laws) {
@@ -89,32 +86,32 @@ class Model {
     return index;
   }
 
-  // (acceleration, joint): -1; or the joint whose pivot vanished; or -2 - joint where its acceleration is not finite.
+  // (acceleration, outcome, joint): good, -1; or the joint whose pivot vanished, or whose acceleration is not finite.
   py::tuple forward_dynamics(const py::handle& position, const py::handle& velocity, const py::handle& effort,
                              bool dense) {
-    const Numbers q = joints("position", position), v = joints("velocity", velocity), u = joints("effort", effort);
+    const Numbers q = state("position", position), v = state("velocity", velocity), u = state("effort", effort);
     Array acceleration = new_array(chain_.joint_count);
-    double* const out = acceleration.mutable_data();
-    return py::make_tuple(std::move(acceleration), forward(q.data(), v.data(), u.data(), dense, out));
+    const auto [outcome, joint] = forward(q.data(), v.data(), u.data(), dense, acceleration.mutable_data());
+    return py::make_tuple(std::move(acceleration), static_cast<int>(outcome), joint);
   }
 
   Array inverse_dynamics(const py::handle& position, const py::handle& velocity, const py::handle& acceleration) {
-    const Numbers q = joints("position", position), v = joints("velocity", velocity),
-                  a = joints("acceleration", acceleration);
+    const Numbers q = state("position", position), v = state("velocity", velocity),
+                  a = state("acceleration", acceleration);
     Array effort = new_array(chain_.joint_count);
     inverse(q.data(), v.data(), a.data(), effort.mutable_data());
     return effort;
   }
 
   Array mass_matrix(const py::handle& position) {
-    const Numbers q = joints("position", position);
+    const Numbers q = state("position", position);
     Array matrix({chain_.joint_count, chain_.joint_count});
     mass(q.data(), matrix.mutable_data());
     return matrix;
   }
 
   std::pair<double, double> energy(const py::handle& position, const py::handle& velocity) {
-    const Numbers q = joints("position", position), v = joints("velocity", velocity);
+    const Numbers q = state("position", position), v = state("velocity", velocity);
     return energy(q.data(), v.data());
   }
 
@@ -123,14 +120,25 @@ class Model {
                                               const py::handle& acceleration) {
     const Numbers q = joints("position", position), v = joints("velocity", velocity),
                   a = joints("acceleration", acceleration);
-    jacobian().compute(near(q.data()), v.data(), a.data());
+    jacobian().compute(right_hand_side_->from_far(q.data()), v.data(), a.data());
     const int n = chain_.joint_count;
     const auto square = [n](const std::vector<double>& rows) { return Array({n, n}, rows.data()); };
     return {square(jacobian_->mass), square(jacobian_->by_position), square(jacobian_->by_velocity)};
   }
 
-  // In the order of _WHY_NOT of linearization.py.
+  // Why a state has no linearization.
   enum class Refusal { none, singular, no_acceleration, no_derivative, standing };
+
+  friend const char* name_of(Refusal refusal) {
+    switch (refusal) {
+      case Refusal::none: return "none";
+      case Refusal::singular: return "singular";
+      case Refusal::no_acceleration: return "no_acceleration";
+      case Refusal::no_derivative: return "no_derivative";
+      case Refusal::standing: return "standing";
+    }
+    return nullptr;
+  }
 
   // (A, B, refusal, joint), A and B as linearization.py says.
   py::tuple linearize(const py::handle& position, const py::handle& velocity, const py::handle& effort) {
@@ -149,7 +157,7 @@ class Model {
     const std::size_t n = effort_.size();
     const std::vector<double> zero(n);
     std::vector<double> rest(n), vector(n, 1.0), effort(n), answer(n);
-    if (forward(q.data(), zero.data(), zero.data(), false, rest.data()) >= 0) return {0.0, 0};
+    if (forward(q.data(), zero.data(), zero.data(), false, rest.data()).outcome == pc::Outcome::singular) return {0.0, 0};
     double rate = 0.0, size = 1.0;
     std::size_t most = 0;
     for (int step = 0; step < 6 && 0.0 < size && std::isfinite(size); ++step) {
@@ -207,32 +215,39 @@ class Model {
  private:
   Numbers joints(const char* name, const py::handle& values) const { return {name, values, {chain_.joint_count}}; }
 
-  int forward(const double* position, const double* velocity, const double* effort, bool dense, double* acceleration) {
+  // Of a function that Python calls for each of many states.
+  Numbers state(const char* name, const py::handle& values) const { return {name, values, {chain_.joint_count}, true}; }
+
+  struct Evaluation {
+    pc::Outcome outcome;
+    int joint;
+  };
+
+  Evaluation forward(const double* position, const double* velocity, const double* effort, bool dense, double* acceleration) {
     const int n = chain_.joint_count;
-    std::copy(effort, effort + n, effort_.begin());
-    forces.add_passive(position, velocity, effort_.data());
-    const int joint = form(dense).forward(near(position), velocity, effort_.data(), acceleration);
-    if (joint >= 0) return joint;
+    const double* const all = right_hand_side_->efforts(position, velocity, effort);
+    const int joint = form(dense).forward(right_hand_side_->from_far(), velocity, all, acceleration);
+    if (joint >= 0) return {pc::Outcome::singular, joint};
     for (int i = 0; i < n; ++i)
-      if (!std::isfinite(acceleration[i])) return -2 - i;
-    return -1;
+      if (!std::isfinite(acceleration[i])) return {pc::Outcome::not_finite, i};
+    return {pc::Outcome::good, -1};
   }
 
   void inverse(const double* position, const double* velocity, const double* acceleration, double* effort) {
-    recursion_->inverse(near(position), velocity, acceleration, true, effort);
     std::fill(effort_.begin(), effort_.end(), 0.0);
-    forces.add_passive(position, velocity, effort_.data());
-    for (int i = 0; i < chain_.joint_count; ++i) effort[i] -= effort_[static_cast<std::size_t>(i)];
+    const double* const passive = right_hand_side_->efforts(position, velocity, effort_.data());
+    recursion_->inverse(right_hand_side_->from_far(), velocity, acceleration, true, effort);
+    for (int i = 0; i < chain_.joint_count; ++i) effort[i] -= passive[i];
   }
 
   // Column j is the effort of a unit acceleration of joint j, at rest and without gravity.
   void mass(const double* position, double* matrix) {
     const std::size_t n = effort_.size();
     std::vector<double> zero(n), unit(n);
-    const double* const bent = near(position);
+    const double* const near = right_hand_side_->from_far(position);
     for (std::size_t j = 0; j < n; ++j) {
       unit[j] = 1.0;
-      recursion_->inverse(bent, zero.data(), unit.data(), false, effort_.data());
+      recursion_->inverse(near, zero.data(), unit.data(), false, effort_.data());
       unit[j] = 0.0;
       for (std::size_t i = 0; i < n; ++i) matrix[i * n + j] = effort_[i];
     }
@@ -242,7 +257,7 @@ class Model {
 
   std::pair<double, double> energy(const double* position, const double* velocity) {
     double kinetic, potential;
-    recursion_->energy(near(position), velocity, kinetic, potential);
+    recursion_->energy(right_hand_side_->from_far(position), velocity, kinetic, potential);
     return {kinetic, potential + forces.stored_energy(position)};
   }
 
@@ -252,18 +267,17 @@ class Model {
     const int n = chain_.joint_count;
     for (const auto& law : forces.all<pc::FrictionOf>())
       if (velocity[law.joint] == 0.0) return {Refusal::standing, law.joint};
-    std::copy(effort, effort + n, effort_.begin());
-    forces.add_passive(position, velocity, effort_.data());
-    const double* const bent = near(position);
+    const double* const all = right_hand_side_->efforts(position, velocity, effort);
+    const double* const near = right_hand_side_->from_far();
     acceleration_.resize(effort_.size());
-    int singular = recursion_->evaluate(bent, velocity, effort_.data(), acceleration_.data());
+    int singular = recursion_->evaluate(near, velocity, all, acceleration_.data());
     if (singular < 0 && chain_.refined)
-      singular = recursive_->forward(bent, velocity, effort_.data(), acceleration_.data());
+      singular = recursive_->forward(near, velocity, all, acceleration_.data());
     if (singular >= 0) return {Refusal::singular, singular};
     for (int i = 0; i < n; ++i)
       if (!std::isfinite(acceleration_[i])) return {Refusal::no_acceleration, i};
 
-    jacobian().compute_derivatives(bent, velocity, acceleration_.data());
+    jacobian().compute_derivatives(near, velocity, acceleration_.data());
     if (!response_) response_.emplace(*recursion_, 3 * n);
     for (int i = 0; i < n; ++i) {
       double* const row = response_->row(i);
@@ -314,14 +328,6 @@ class Model {
       throw py::value_error("the kernel got arrays that describe no chain");
   }
 
-  // Positions without whole turns.
-  const double* near(const double* position) {
-    if (!turns_->find(position)) return position;
-    position_.assign(position, position + chain_.joint_count);
-    turns_->leave_out(position, std::vector<double>(position_.size()).data(), position_.data());
-    return position_.data();
-  }
-
   pc::Form& form(bool dense) {
     if (dense && !dense_) dense_ = pc::make_form<double>(chain_, true);  // its matrix is made for those who ask for it
     return dense ? *dense_ : *recursive_;
@@ -330,8 +336,8 @@ class Model {
   pc::Chain chain_;
   std::optional<pc::Recursion> recursion_;
   std::unique_ptr<pc::Form> recursive_, dense_;
-  std::optional<pc::WholeTurns<double>> turns_;
+  std::optional<pc::RightHandSide> right_hand_side_;
   std::optional<pc::Jacobian> jacobian_;
   std::optional<pc::Response> response_;
-  std::vector<double> effort_, position_, acceleration_;
+  std::vector<double> effort_, acceleration_;
 };

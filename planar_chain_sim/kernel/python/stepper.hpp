@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <cstring>
 #include <deque>
+#include <initializer_list>
 #include <memory>
 #include <optional>
 #include <string>
@@ -15,17 +16,20 @@
 #include <vector>
 
 #include "../events/events.hpp"
-#include "../integrators/integrators.hpp"
+#include "../integrators/integrator.hpp"
 #include "../integrators/methods.hpp"
 #include "../integrators/rollout.hpp"
 #include "model.hpp"
 #include "turn.hpp"
 
+// Of what save() gives; a checkpoint of another format is not read.
+constexpr int checkpoint_format = 2;
+
 // State, method and workspace of one simulation. Any thread may call at any time: while one computes without the
 // interpreter, the others wait. interrupt() alone waits for nobody.
 //
-// A method that returns a word has refused the argument of that name, and nothing is changed; None is success. Python
-// then converts the argument or says what is wrong with it.
+// An argument that cannot be is refused by a ValueError, before anything is changed. What ends a motion is a code, of
+// which Python makes a sentence.
 class Stepper {
  public:
   Stepper(const py::object& model, const pc::MethodData& method, double step, bool dense)
@@ -37,31 +41,34 @@ class Stepper {
   }
   Stepper(const Stepper&) = delete;
 
-  // Goes on for an int >= 0 of ticks, under None or a finite array of (joints,) or (ticks, joints), into None or a
-  // tuple of arrays (ticks, joints) that take position, velocity and effort. (outcome, joint) where it stopped before
-  // or a coarse step is to be told. Throws what a signal handler has raised meanwhile, with everything at the last
-  // whole tick.
+  // Goes on for a whole number of ticks, under None or numbers of (joints,) or (ticks, joints), into None or three arrays
+  // (ticks, joints) that take position, velocity and effort. None; or (outcome, joint) where it stopped before or a
+  // coarse step is to be told. Throws what a signal handler has raised meanwhile, with everything at the last whole tick.
   py::object advance(const py::handle& ticks_given, const py::handle& effort_given, const py::handle& record_given) {
     turn_.await();
-    std::int64_t ticks;
-    if (!whole(ticks_given, ticks) || ticks > pc::most_ticks - tick_) return py::str("ticks");
-    pc::Efforts efforts{zero_.data(), 0};
-    if (!take_effort(effort_given, ticks, efforts)) return py::str("effort");
+    const std::int64_t ticks = whole("ticks", ticks_given, pc::most_ticks - tick_);
+    std::optional<Numbers> effort;
+    if (!effort_given.is_none()) effort.emplace(Numbers::row_or_rows("effort", effort_given, ticks, joints()));
     pc::Record record;
-    if (!take_record(record_given, ticks, record)) return py::str("record");
-    return go_on(ticks, std::nullopt, efforts, record);
+    if (!record_given.is_none()) record = record_in(record_given, ticks);
+    return go_on(ticks, std::nullopt, efforts_of(effort), record);
   }
 
   // Goes on to a tick, and from there to `time`, a float behind it in s, if that is not None.
   py::object advance_to(const py::handle& tick_given, const py::handle& time_given, const py::handle& effort_given) {
     turn_.await();
-    std::int64_t tick;
+    const std::int64_t tick = whole("tick", tick_given, pc::most_ticks);
     std::optional<double> until;
-    if (!whole(tick_given, tick) || !behind(time_given, tick, until) || (until && !adaptive_)) return py::str("time");
-    if (tick < tick_ || (until ? *until < time() : tick == tick_ && between_)) return py::str("time");
-    pc::Efforts efforts{zero_.data(), 0};
-    if (!take_effort(effort_given, tick - tick_, efforts) || (until && efforts.stride != 0)) return py::str("effort");
-    return go_on(tick - tick_, until, efforts, {});
+    if (!behind(time_given, tick, until) || (until && !adaptive_))
+      throw py::value_error("the kernel got a time that is not behind tick " + std::to_string(tick));
+    if (tick < tick_ || (until ? *until < time() : tick == tick_ && between_))
+      refuse("time is {!r} s, must not lie before the present {!r} s",
+             until ? *until : static_cast<double>(tick) * step_, time());
+    std::optional<Numbers> effort;
+    if (!effort_given.is_none() && until) effort.emplace("effort", effort_given, std::initializer_list{joints()});
+    else if (!effort_given.is_none())
+      effort.emplace(Numbers::row_or_rows("effort", effort_given, tick - tick_, joints()));
+    return go_on(tick - tick_, until, efforts_of(effort), {});
   }
 
   // Lets the call under way, or else the next one, end at the last whole tick.
@@ -98,7 +105,7 @@ class Stepper {
   // the integrator keeps, between the number of the format and a sum of the bits before.
   py::tuple save() {
     turn_.await();
-    std::vector<double> kept = {kept_format};
+    std::vector<double> kept = {checkpoint_format};
     scene_->integrator->save(kept);
     kept.push_back(sum_of_bits(kept.data(), kept.size()));
     const std::int64_t tick = tick_;   // a tuple may set off the garbage collector, and that another thread
@@ -108,15 +115,13 @@ class Stepper {
                                          make_array(effort_), make_array(kept)));
   }
 
-  // Takes what save() gave; `anew`: of a stepper with another method, which starts here. The word is that of a part
-  // that cannot be.
-  py::object load(const py::handle& tick_given, const py::handle& between_given, const py::handle& parts, bool anew) {
+  // Takes what save() gave; `anew`: of a stepper with another method, which starts here.
+  void load(const py::handle& tick_given, const py::handle& between_given, const py::handle& parts, bool anew) {
     turn_.await();
-    std::int64_t tick;
+    const std::int64_t tick = whole("tick of the checkpoint", tick_given, pc::most_ticks);
     std::optional<double> between;
-    if (!whole(tick_given, tick)) return py::str("tick");
-    if (!behind(between_given, tick, between) || (between && !adaptive_)) return py::str("time");
-    if (!PyTuple_CheckExact(parts.ptr()) || PyTuple_GET_SIZE(parts.ptr()) != 6) return py::str("state");
+    if (!behind(between_given, tick, between) || (between && !adaptive_)) damaged("time");
+    if (!PyTuple_CheckExact(parts.ptr()) || PyTuple_GET_SIZE(parts.ptr()) != 6) damaged("state");
     pc::JointState state(static_cast<int>(effort_.size()));
     std::vector<double> effort(effort_);
     std::vector<double>* const into[] = {&state.position, &state.velocity, &state.position_remainder,
@@ -124,21 +129,20 @@ class Stepper {
     const char* const words[] = {"position", "velocity", "position remainder", "velocity remainder", "effort"};
     for (py::ssize_t i = 0; i < 5; ++i) {
       const py::handle part(PyTuple_GET_ITEM(parts.ptr(), i));
-      if (!is_joint_array(part)) return py::str(words[i]);
+      if (!is_joint_array(part)) damaged(words[i]);
       std::copy_n(py::reinterpret_borrow<Array>(part).data(), effort_.size(), into[i]->begin());
     }
     // What is left of a rounded sum is too small to change it.
     for (std::size_t i = 0; i < effort_.size(); ++i) {
-      if (state.position[i] + state.position_remainder[i] != state.position[i]) return py::str(words[2]);
-      if (state.velocity[i] + state.velocity_remainder[i] != state.velocity[i]) return py::str(words[3]);
+      if (state.position[i] + state.position_remainder[i] != state.position[i]) damaged(words[2]);
+      if (state.velocity[i] + state.velocity_remainder[i] != state.velocity[i]) damaged(words[3]);
     }
     if (anew) {
       scene_->integrator->forget();
     } else if (!load_steps(py::handle(PyTuple_GET_ITEM(parts.ptr(), 5)), tick, between, state)) {
-      return py::str("steps");
+      damaged("steps");
     }
     state_ = state, effort_ = effort, tick_ = tick, between_ = between;
-    return py::none();
   }
 
   // In place of those that act: (slot of the link, whether the force turns with it, point, force, each as a complex
@@ -157,7 +161,7 @@ class Stepper {
   Array wrench_effort() {
     turn_.await();
     std::vector<double> effort(effort_.size());
-    scene_->forces.add_wrenches(state_.position.data(), state_.position_remainder.data(), effort.data());
+    scene_->right_hand_side.wrench_efforts(state_, effort.data());
     return make_array(effort);
   }
 
@@ -176,8 +180,8 @@ class Stepper {
     if (with_state) {
       state_ = fresh.state_, effort_ = fresh.effort_, tick_ = fresh.tick_, between_ = fresh.between_;
     } else {
-      const auto* former = dynamic_cast<const pc::EventDriven*>(fresh.scene_->integrator.get());
-      auto* driven = dynamic_cast<pc::EventDriven*>(scene_->integrator.get());
+      const pc::EventDriven* const former = fresh.scene_->integrator->event_driven();
+      pc::EventDriven* const driven = scene_->integrator->event_driven();
       if (driven != nullptr && former != nullptr) driven->adopt(*former);
     }
     return py::make_tuple(tuple_of(counted), list_of(events));
@@ -200,7 +204,7 @@ class Stepper {
     turn_.await();
     Array out(static_cast<py::ssize_t>(effort_.size()));
     int joint;
-    if (auto* driven = dynamic_cast<pc::EventDriven*>(scene_->integrator.get())) {
+    if (pc::EventDriven* const driven = scene_->integrator->event_driven()) {
       joint = driven->accelerate(state_, effort_.data(), out.mutable_data());
     } else {
       std::vector<double> position = state_.position;
@@ -239,7 +243,6 @@ class Stepper {
 
   // Below this, some microseconds, letting the interpreter go and taking it back would cost more than it gives.
   static constexpr std::int64_t few_joint_ticks = 32;
-  static constexpr double kept_format = 2.0;
 
   // What a changed chain replaces; the parts point at each other.
   struct Scene {
@@ -266,7 +269,7 @@ class Stepper {
   // one.
   std::deque<pc::JointEvent> take() {
     std::deque<pc::JointEvent> events;
-    if (auto* driven = dynamic_cast<pc::EventDriven*>(scene_->integrator.get())) std::swap(events, driven->events);
+    if (pc::EventDriven* const driven = scene_->integrator->event_driven()) std::swap(events, driven->events);
     return events;
   }
   static py::list list_of(const std::deque<pc::JointEvent>& events) {
@@ -283,11 +286,29 @@ class Stepper {
     return step;
   }
 
-  static bool whole(const py::handle& given, std::int64_t& number) {
-    if (!PyLong_CheckExact(given.ptr())) return false;
+  template <class... Values>
+  [[noreturn]] static void refuse(const char* sentence, const Values&... values) {
+    throw py::value_error(py::cast<std::string>(py::str(sentence).format(values...)));
+  }
+  [[noreturn]] static void damaged(const char* part) {
+    throw py::value_error(std::string("checkpoint is damaged: its ") + part + " cannot be what was saved");
+  }
+
+  // A whole number from 0 to `most`.
+  static std::int64_t whole(const char* name, const py::handle& given, std::int64_t most) {
     int overflow = 0;
-    number = PyLong_AsLongLongAndOverflow(given.ptr(), &overflow);
-    return overflow == 0 && number >= 0 && number <= pc::most_ticks;
+    std::int64_t number = -1;
+    if (PyLong_CheckExact(given.ptr())) {
+      number = PyLong_AsLongLongAndOverflow(given.ptr(), &overflow);
+    } else if (PyIndex_Check(given.ptr()) && !PyBool_Check(given.ptr())) {   // as NumPy's
+      const auto index = py::reinterpret_steal<py::object>(PyNumber_Index(given.ptr()));
+      if (index) number = PyLong_AsLongLongAndOverflow(index.ptr(), &overflow);
+      else PyErr_Clear();
+    }
+    if (overflow > 0 || number > most)
+      refuse("{} is {!r}, must be at most {}: no more can be counted", name, given, most);
+    if (number < 0) refuse("{} is {!r:.80}, must be a whole number >= 0", name, given);
+    return number;
   }
 
   // None, or a float between a tick and the next.
@@ -312,30 +333,27 @@ class Stepper {
     return array.ndim() == 1 && array.size() == joints() && aligned(array) && finite(array);
   }
 
-  bool take_effort(const py::handle& given, std::int64_t ticks, pc::Efforts& efforts) const {
-    if (given.is_none()) return true;
-    if (!py::isinstance<Array>(given)) return false;
-    const Array effort = py::reinterpret_borrow<Array>(given);
-    const bool rows = effort.ndim() == 2;
-    if (effort.ndim() == 0 || effort.ndim() > 2 || effort.shape(effort.ndim() - 1) != joints()) return false;
-    if ((rows && effort.shape(0) != ticks) || !aligned(effort) || !finite(effort)) return false;
-    efforts = {effort.data(), rows ? effort_.size() : 0};
-    return true;
+  pc::Efforts efforts_of(const std::optional<Numbers>& given) const {
+    if (!given) return {zero_.data(), 0};
+    return {given->data(), given->dimensions() == 2 ? effort_.size() : 0};
   }
 
-  bool take_record(const py::handle& given, std::int64_t ticks, pc::Record& record) const {
-    if (given.is_none()) return true;
-    if (!PyTuple_CheckExact(given.ptr()) || PyTuple_GET_SIZE(given.ptr()) != 3) return false;
+  pc::Record record_in(const py::handle& given, std::int64_t ticks) const {
+    const bool three = (PyTuple_CheckExact(given.ptr()) || PyList_CheckExact(given.ptr())) && PySequence_Size(given.ptr()) == 3;
+    pc::Record record;
     double** const fields[] = {&record.position, &record.velocity, &record.effort};
     for (py::ssize_t i = 0; i < 3; ++i) {
-      const py::handle part(PyTuple_GET_ITEM(given.ptr(), i));
-      if (!py::isinstance<Array>(part)) return false;
-      Array rows = py::reinterpret_borrow<Array>(part);
-      if (rows.ndim() != 2 || rows.shape(0) != ticks || rows.shape(1) != joints() || !rows.writeable() || !aligned(rows))
-        return false;
-      *fields[i] = rows.mutable_data();
+      const py::handle part(three ? PySequence_Fast_GET_ITEM(given.ptr(), i) : nullptr);
+      if (!three || !py::isinstance<py::array>(part))
+        refuse("record is {!r:.80}, must be three arrays, for position, velocity and effort", given);
+      py::array rows = py::reinterpret_borrow<py::array>(part);
+      if (!py::isinstance<Array>(part) || rows.ndim() != 2 || rows.shape(0) != ticks || rows.shape(1) != joints() ||
+          !rows.writeable() || !aligned(rows))
+        refuse("record has an array of {} and shape {}, must be C-ordered writeable float64 of shape ({}, {})",
+               rows.dtype(), rows.attr("shape"), ticks, joints());
+      *fields[i] = static_cast<double*>(rows.mutable_data());
     }
-    return true;
+    return record;
   }
 
   py::object go_on(std::int64_t ticks, const std::optional<double>& until, const pc::Efforts& efforts,
@@ -369,7 +387,7 @@ class Stepper {
     if (!py::isinstance<Array>(given)) return false;
     const Array kept = py::reinterpret_borrow<Array>(given);
     const py::ssize_t count = kept.size() - 1;
-    if (kept.ndim() != 1 || count < 1 || !aligned(kept) || kept.data()[0] != kept_format ||
+    if (kept.ndim() != 1 || count < 1 || !aligned(kept) || kept.data()[0] != checkpoint_format ||
         kept.data()[count] != sum_of_bits(kept.data(), static_cast<std::size_t>(count)))
       return false;
     std::vector<double> before;

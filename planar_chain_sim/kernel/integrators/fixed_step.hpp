@@ -1,4 +1,4 @@
-// What moves a state from tick to tick: steps of a fixed size here, steps of their own size in adaptive.hpp.
+// Steps of a fixed size, one a tick, and what their errors are.
 #pragma once
 
 #include <algorithm>
@@ -7,178 +7,14 @@
 #include <utility>
 #include <vector>
 
-#include "../forms/form.hpp"
 #include "../model/joint_forces.hpp"
-#include "../model/joint_state.hpp"
 #include "accumulated_error.hpp"
-#include "lookout.hpp"
+#include "integrator.hpp"
 
 namespace planar_chain {
 
-// Two-sum (Knuth, TAOCP 2, 4.2.2): what rounding loses goes into the remainder, so that error grows with steps^(1/2).
-template <class Real>
-inline void add_compensated(const Real& value, const Real& remainder, const Real& increment, Real& sum, Real& lost) {
-  const Real term = increment + remainder, whole = value + term, back = whole - value;
-  lost = (value - (whole - back)) + (term - back);
-  sum = whole;
-}
-
-enum class Outcome { good, singular, not_finite, stalled, too_long, coarse, endless_events, interrupted };
-
-struct Progress {
-  std::int64_t ticks = 0;
-  Outcome outcome = Outcome::good;
-  int joint = -1;
-};
-
-// Steps of fixed size that are far from right: at which tick that was seen, how far, rad or m, at which joint, or -1.
-struct CoarseStep {
-  std::int64_t tick = 0;
-  double error = 0.0;
-  int joint = -1;
-  bool summed = false;  // over all steps up to that tick; else of that step alone
-};
-
 // A step that moves a velocity by more than this part of a rad or m per step is looked at; by more than that, any step.
 constexpr double suspect_jump = 0.03, violent_jump = 0.5;
-
-struct Counts {
-  std::int64_t evaluations = 0, steps = 0, rejected_steps = 0, events = 0;
-
-  void add(const Counts& more) {
-    evaluations += more.evaluations, steps += more.steps, rejected_steps += more.rejected_steps, events += more.events;
-  }
-};
-
-// Pivots are made of squares of positions: where these overflow or are no numbers, no pivot can be judged.
-inline Outcome singular_or_not_finite(const double* position, int joints) {
-  for (int i = 0; i < joints; ++i)
-    if (!std::isfinite(position[i] * position[i])) return Outcome::not_finite;
-  return Outcome::singular;
-}
-
-// First joint whose position or velocity is not finite, -1 if none.
-inline int first_not_finite(const JointState& state) {
-  for (std::size_t i = 0; i < state.position.size(); ++i)
-    if (!std::isfinite(state.position[i]) || !std::isfinite(state.velocity[i])) return static_cast<int>(i);
-  return -1;
-}
-
-// What an integrator keeps, as numbers; the first says of which kind of integrator they are.
-enum class Kept { nothing = 1, gauss, adaptive, events };
-
-// Reads such numbers one by one, and knows whether each was there and could be.
-class KeptNumbers {
- public:
-  KeptNumbers(const double* begin, const double* end) : at_(begin), end_(end) {}
-
-  bool cut = false;  // of a motion that events cut short: a time in it is known up to rounding
-
-  std::size_t left() const { return static_cast<std::size_t>(end_ - at_); }
-  const double* at() const { return at_; }
-
-  bool is(Kept kind) {
-    double value;
-    return number(value) && value == static_cast<double>(kind);
-  }
-  bool number(double& value) {
-    if (at_ == end_ || !std::isfinite(*at_)) return false;
-    value = *at_++;
-    return true;
-  }
-  bool at_least_zero(double& value) { return number(value) && value >= 0.0; }
-
-  // A whole number from `least` to `most`, both exact as a double.
-  template <class Whole>
-  bool whole(Whole& value, double least, double most) {
-    double given;
-    if (!number(given) || given < least || given > most || given != std::floor(given)) return false;
-    value = static_cast<Whole>(given);
-    return true;
-  }
-  bool numbers(std::vector<double>& values) {
-    for (double& value : values)
-      if (!number(value)) return false;
-    return true;
-  }
-
- private:
-  const double *at_, *end_;
-};
-
-// Ticks that a double can count.
-constexpr std::int64_t most_ticks = std::int64_t(1) << 53;
-
-class Integrator {
- public:
-  Counts counts;
-  CoarseStep coarse;           // the first one
-  bool asked = true;           // whether anybody asks for it
-
-  virtual ~Integrator() = default;
-
-  // Where it looks for a stop while advance() or reach() goes on; null: there can be none.
-  virtual void look_out(Lookout* lookout) { lookout_ = lookout; }
-
-  // Moves `state`, which is at `now` s, that is at tick `tick` or not yet at the next, on to tick + ticks under the
-  // clamped actuator effort. Stops before a tick that fails: the state is then that of the last good one. Calls may be
-  // cut anywhere: the bits are the same. Where it is interrupted it is as if it had not gone beyond the last whole
-  // tick.
-  virtual Progress advance(double now, std::int64_t tick, std::int64_t ticks, JointState& state,
-                           const double* actuator) = 0;
-
-  // Moves `state` on to `time`, which may lie between ticks; false if the method cannot.
-  virtual bool reach(double /*now*/, std::int64_t /*tick*/, double /*time*/, JointState&, const double* /*actuator*/,
-                     Progress&) {
-    return false;
-  }
-
-  // The state was changed by somebody else: nothing that was computed ahead holds.
-  virtual void forget() {}
-
-  // Forces other than the actuators' were changed.
-  virtual void forces_changed() { forget(); }
-
-  // Appends what decides how to go on besides the state: for a checkpoint.
-  virtual void save(std::vector<double>& all) const { all.push_back(static_cast<double>(Kept::nothing)); }
-
-  // Takes it back; false where it cannot be what was saved in this state, at `now` s behind tick `tick`, or where,
-  // without a state, the numbers alone cannot be. Then the integrator is not to be used before it has loaded something
-  // good.
-  virtual bool load(KeptNumbers& kept, std::int64_t /*tick*/, double /*now*/, const JointState* /*state*/) {
-    forget();
-    return kept.is(Kept::nothing) && kept.left() == 0;
-  }
-
- protected:
-  bool stopped(std::int64_t work) { return lookout_ != nullptr && lookout_->stop(work); }
-
-  Lookout* lookout_ = nullptr;
-};
-
-// An integrator of smooth motion, which events may cut short (events.hpp).
-class Motion : public Integrator {
- public:
-  // Makes sure of a step that goes on from `offset` s behind `tick`, where `state` is: the one under way, or, where
-  // that has been `passed`, the next. Returns its length, s; progress.outcome tells why there is none.
-  virtual double look(std::int64_t tick, double offset, double limit, const JointState& state, const double* actuator,
-                      bool passed, Progress& progress) = 0;
-
-  // Between s behind that tick and s into that step.
-  virtual double into_step(double offset) const = 0;
-  virtual double behind_tick(double into) const = 0;
-
-  // Where the motion is `into` s into that step.
-  virtual Outcome show(double into, JointState& out, int& joint) = 0;
-
-  // Whether the step under way goes from `from` to `to` s behind `tick`; then `into` is how far into it that ends.
-  virtual bool spans(std::int64_t /*tick*/, double /*from*/, double /*to*/, double& /*into*/) { return false; }
-
-  // Whether show() costs little; else it is another step.
-  virtual bool reads_densely() const = 0;
-
-  std::int64_t number = 0;  // of steps that look() has gone on to
-};
 
 // One step a tick. step() changes the state only if the outcome is good; else `joint` is why.
 //

@@ -1,0 +1,123 @@
+// What moves a state from tick to tick, by steps of a fixed size (fixed_step.hpp) or of their own (adaptive.hpp).
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <vector>
+
+#include "../forms/outcome.hpp"
+#include "../model/joint_state.hpp"
+#include "kept_numbers.hpp"
+#include "lookout.hpp"
+
+namespace planar_chain {
+
+// Ticks that a double can count.
+constexpr std::int64_t most_ticks = std::int64_t(1) << 53;
+
+struct Progress {
+  std::int64_t ticks = 0;
+  Outcome outcome = Outcome::good;
+  int joint = -1;
+};
+
+// Steps of fixed size that are far from right: at which tick that was seen, how far, rad or m, at which joint, or -1.
+struct CoarseStep {
+  std::int64_t tick = 0;
+  double error = 0.0;
+  int joint = -1;
+  bool summed = false;  // over all steps up to that tick; else of that step alone
+};
+
+struct Counts {
+  std::int64_t evaluations = 0, steps = 0, rejected_steps = 0, events = 0;
+
+  void add(const Counts& more) {
+    evaluations += more.evaluations, steps += more.steps, rejected_steps += more.rejected_steps, events += more.events;
+  }
+};
+
+// First joint whose position or velocity is not finite, -1 if none.
+inline int first_not_finite(const JointState& state) {
+  for (std::size_t i = 0; i < state.position.size(); ++i)
+    if (!std::isfinite(state.position[i]) || !std::isfinite(state.velocity[i])) return static_cast<int>(i);
+  return -1;
+}
+
+class EventDriven;
+
+class Integrator {
+ public:
+  Counts counts;
+  CoarseStep coarse;           // the first one
+  bool asked = true;           // whether anybody asks for it
+
+  virtual ~Integrator() = default;
+
+  // Where it looks for a stop while advance() or reach() goes on; null: there can be none.
+  virtual void look_out(Lookout* lookout) { lookout_ = lookout; }
+
+  // Moves `state`, which is at `now` s, that is at tick `tick` or not yet at the next, on to tick + ticks under the
+  // clamped actuator effort. Stops before a tick that fails: the state is then that of the last good one. Calls may be
+  // cut anywhere: the bits are the same. Where it is interrupted it is as if it had not gone beyond the last whole
+  // tick.
+  virtual Progress advance(double now, std::int64_t tick, std::int64_t ticks, JointState& state,
+                           const double* actuator) = 0;
+
+  // Moves `state` on to `time`, which may lie between ticks; false if the method cannot.
+  virtual bool reach(double /*now*/, std::int64_t /*tick*/, double /*time*/, JointState&, const double* /*actuator*/,
+                     Progress&) {
+    return false;
+  }
+
+  // The state was changed by somebody else: nothing that was computed ahead holds.
+  virtual void forget() {}
+
+  // Forces other than the actuators' were changed.
+  virtual void forces_changed() { forget(); }
+
+  // The integrator of a scene with stops or friction as what it is (events/events.hpp); null: there are none.
+  virtual EventDriven* event_driven() { return nullptr; }
+
+  // Appends what decides how to go on besides the state: for a checkpoint.
+  virtual void save(std::vector<double>& all) const { all.push_back(static_cast<double>(Kept::nothing)); }
+
+  // Takes it back; false where it cannot be what was saved in this state, at `now` s behind tick `tick`, or where,
+  // without a state, the numbers alone cannot be. Then the integrator is not to be used before it has loaded something
+  // good.
+  virtual bool load(KeptNumbers& kept, std::int64_t /*tick*/, double /*now*/, const JointState* /*state*/) {
+    forget();
+    return kept.is(Kept::nothing) && kept.left() == 0;
+  }
+
+ protected:
+  bool stopped(std::int64_t work) { return lookout_ != nullptr && lookout_->stop(work); }
+
+  Lookout* lookout_ = nullptr;
+};
+
+// An integrator of smooth motion, which events may cut short (events.hpp).
+class Motion : public Integrator {
+ public:
+  // Makes sure of a step that goes on from `offset` s behind `tick`, where `state` is: the one under way, or, where
+  // that has been `passed`, the next. Returns its length, s; progress.outcome tells why there is none.
+  virtual double look(std::int64_t tick, double offset, double limit, const JointState& state, const double* actuator,
+                      bool passed, Progress& progress) = 0;
+
+  // Between s behind that tick and s into that step.
+  virtual double into_step(double offset) const = 0;
+  virtual double behind_tick(double into) const = 0;
+
+  // Where the motion is `into` s into that step.
+  virtual Outcome show(double into, JointState& out, int& joint) = 0;
+
+  // Whether the step under way goes from `from` to `to` s behind `tick`; then `into` is how far into it that ends.
+  virtual bool spans(std::int64_t /*tick*/, double /*from*/, double /*to*/, double& /*into*/) { return false; }
+
+  // Whether show() costs little; else it is another step.
+  virtual bool reads_densely() const = 0;
+
+  std::int64_t number = 0;  // of steps that look() has gone on to
+};
+
+}  // namespace planar_chain
