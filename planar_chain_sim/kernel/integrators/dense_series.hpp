@@ -28,6 +28,10 @@ typedef double Quad __attribute__((vector_size(32), aligned(32), may_alias));
 template <int Width> struct VectorOf { using type = Quad; };
 template <> struct VectorOf<2> { using type = Two; };
 
+// Slides are few, one as a rule: their loops stay loops. Unrolled as far as there may be slides, each inside the next, they
+// took half of the time in which the kernel is compiled, for nothing.
+#define PLANAR_CHAIN_SLIDES(w) _Pragma("GCC unroll 1") for (int w = 0; w < slides; ++w)
+
 // `Angles`: at least the links that turn; they lie side by side in the lanes of vectors, from the root to the leaves, then
 // idle ones that make the number up: uncoupled, of unit inertia, at rest. `Slides`: whether any joint slides; slides are
 // few and go one by one.
@@ -92,22 +96,22 @@ class DenseSeries {
     for (int b = 0; b < Angles; ++b) {
       reach(coupling_x[b], coupling_y[b], arm_x[b], arm_y[b]);
       if constexpr (Slides)
-        for (int w = 0; w < slides; ++w)
+        PLANAR_CHAIN_SLIDES(w)
           reach(w, slide_coupling_x[w].of[b], -slide_coupling_y[w].of[b], arm_x[b], arm_y[b]);  // B = B*
     }
     if constexpr (Slides)
-      for (int v = 0; v < slides; ++v) {
+      PLANAR_CHAIN_SLIDES(v) {
         reach(slide_coupling_x[v], slide_coupling_y[v], slide_arm_x[v], slide_arm_y[v]);
-        for (int w = 0; w < slides; ++w) reach(w, between_x[w][v], between_y[w][v], slide_arm_x[v], slide_arm_y[v]);
+        PLANAR_CHAIN_SLIDES(w) reach(w, between_x[w][v], between_y[w][v], slide_arm_x[v], slide_arm_y[v]);
       }
     for (int j = 0; j < Angles; ++j) {
       for (int p = 0; p < parts; ++p) h[j].lane[p] = inertia[j](p);
       if constexpr (Slides)
-        for (int w = 0; w < slides; ++w) h[j].slide[w] = 0.0;
+        PLANAR_CHAIN_SLIDES(w) h[j].slide[w] = 0.0;
       add(arm_x[j], arm_y[j], -unit_y[0].of[j], unit_x[0].of[j], h[j]);
     }
     if constexpr (Slides)
-      for (int w = 0; w < slides; ++w) {
+      PLANAR_CHAIN_SLIDES(w) {
         g[w] = Column{};
         g[w].slide[w] = slide_inertia[w];
         add(slide_arm_x[w], slide_arm_y[w], slide[w].unit_x[0], slide[w].unit_y[0], g[w]);
@@ -119,20 +123,20 @@ class DenseSeries {
     for (int j = 0; j < Angles; ++j)
       for (int p = 0; p < parts; ++p) inverse_[j](p) = h[j].lane[p];
     if constexpr (Slides)
-      for (int w = 0; w < slides; ++w) {
+      PLANAR_CHAIN_SLIDES(w) {
         for (int p = 0; p < parts; ++p) slide_inverse_[w](p) = g[w].lane[p];
-        for (int v = 0; v < slides; ++v) between_inverse_[w][v] = g[v].slide[w];
+        PLANAR_CHAIN_SLIDES(v) between_inverse_[w][v] = g[v].slide[w];
       }
     for (int b = 0; b < Angles; ++b) {
       answer(arm_x[b], answer_x_[b]), answer(arm_y[b], answer_y_[b]);
       if constexpr (Slides)
-        for (int w = 0; w < slides; ++w)
+        PLANAR_CHAIN_SLIDES(w)
           row_answer_x_[w].of[b] = answer_of_slide(w, arm_x[b]), row_answer_y_[w].of[b] = answer_of_slide(w, arm_y[b]);
     }
     if constexpr (Slides)
-      for (int v = 0; v < slides; ++v) {
+      PLANAR_CHAIN_SLIDES(v) {
         answer(slide_arm_x[v], slide_answer_x_[v]), answer(slide_arm_y[v], slide_answer_y_[v]);
-        for (int w = 0; w < slides; ++w) {
+        PLANAR_CHAIN_SLIDES(w) {
           between_answer_x_[w][v] = answer_of_slide(w, slide_arm_x[v]);
           between_answer_y_[w][v] = answer_of_slide(w, slide_arm_y[v]);
         }
@@ -168,7 +172,7 @@ class DenseSeries {
     if (k > 0 && !(damped.empty() && sprung.empty())) add_laws(k, reciprocal[k], balance);
     Known of[most_slides];
     if constexpr (Slides)
-      for (int w = 0; w < slides; ++w) of[w] = known_of(w, k, bend_x, bend_y);
+      PLANAR_CHAIN_SLIDES(w) of[w] = known_of(w, k, bend_x, bend_y);
     if (k > 0 && !pushes.empty()) push_joints(k, balance, of);
 
     for (int p = 0; p < parts; ++p) {
@@ -177,7 +181,7 @@ class DenseSeries {
       multiply(answer_x_, bend_x, p, less), multiply(answer_y_, bend_y, p, across);
       less += across;
       if constexpr (Slides)
-        for (int w = 0; w < slides; ++w) {
+        PLANAR_CHAIN_SLIDES(w) {
           more += slide_inverse_[w](p) * of[w].balance;
           less += slide_answer_x_[w](p) * of[w].bend_x + slide_answer_y_[w](p) * of[w].bend_y;
           if (rides_on[w] >= 0) more += inverse_[rides_on[w]](p) * of[w].torque;
@@ -185,7 +189,7 @@ class DenseSeries {
       acceleration[k](p) = more - less;
     }
     if constexpr (Slides)
-      for (int w = 0; w < slides; ++w) slide[w].acceleration[k] = acceleration_of(w, of, bend_x, bend_y, balance);
+      PLANAR_CHAIN_SLIDES(w) slide[w].acceleration[k] = acceleration_of(w, of, bend_x, bend_y, balance);
 
     for (int p = 0; p < parts; ++p) {
       speed[k + 1](p) = acceleration[k](p) * reciprocal[k + 1];
@@ -194,7 +198,7 @@ class DenseSeries {
       bend_x(p) = -order * turn_y[p], bend_y(p) = order * turn_x[p];
     }
     if constexpr (Slides)
-      for (int w = 0; w < slides; ++w) move(w, k, reciprocal, of[w]);
+      PLANAR_CHAIN_SLIDES(w) move(w, k, reciprocal, of[w]);
 
     for (int p = 0; p < parts; ++p) {
       Vector x, y;
@@ -206,14 +210,14 @@ class DenseSeries {
       }
       if (k == 0) x += weight_x(p), y += weight_y(p);
       if constexpr (Slides)
-        for (int w = 0; w < slides; ++w) {
+        PLANAR_CHAIN_SLIDES(w) {
           x += slide_coupling_x[w](p) * of[w].bend_x - slide_coupling_y[w](p) * of[w].bend_y;
           y += slide_coupling_x[w](p) * of[w].bend_y + slide_coupling_y[w](p) * of[w].bend_x;
         }
       pull_x[k](p) = x, pull_y[k](p) = y;
     }
     if constexpr (Slides)
-      for (int w = 0; w < slides; ++w) pull(w, k, of, bend_x, bend_y);
+      PLANAR_CHAIN_SLIDES(w) pull(w, k, of, bend_x, bend_y);
     if (!pushes.empty()) push_vectors(k);
   }
 
@@ -268,7 +272,7 @@ class DenseSeries {
   PLANAR_CHAIN_INLINE void add(const Column& arm_x, const Column& arm_y, double x, double y, Column& sum) const {
     for (int p = 0; p < parts; ++p) sum.lane[p] += arm_x.lane[p] * x + arm_y.lane[p] * y;
     if constexpr (Slides)
-      for (int w = 0; w < slides; ++w) sum.slide[w] += arm_x.slide[w] * x + arm_y.slide[w] * y;
+      PLANAR_CHAIN_SLIDES(w) sum.slide[w] += arm_x.slide[w] * x + arm_y.slide[w] * y;
   }
 
   // Gauss and Jordan, slides first, then angles from the leaves, in registers; with the guard of equations.md 7.
@@ -277,13 +281,13 @@ class DenseSeries {
 #pragma GCC unroll 8
     for (int i = 0; i < Angles; ++i) least[i] = 100.0 * 2.220446049250313e-16 * h[i].lane[i / width][i % width];
     if constexpr (Slides) {
-      for (int w = 0; w < slides; ++w) least_of_slide[w] = 100.0 * 2.220446049250313e-16 * g[w].slide[w];
-      for (int w = 0; w < slides; ++w) {
+      PLANAR_CHAIN_SLIDES(w) least_of_slide[w] = 100.0 * 2.220446049250313e-16 * g[w].slide[w];
+      PLANAR_CHAIN_SLIDES(w) {
         const double pivot = g[w].slide[w];
         if (!(pivot > least_of_slide[w])) return Angles + w;
         g[w].slide[w] = 1.0;
         scale(g[w], 1.0 / pivot);
-        for (int v = 0; v < slides; ++v)
+        PLANAR_CHAIN_SLIDES(v)
           if (v != w) eliminate(g[w], g[v], g[v].slide[w]);
         for (int j = 0; j < Angles; ++j) eliminate(g[w], h[j], h[j].slide[w]);
       }
@@ -299,7 +303,7 @@ class DenseSeries {
       for (int i = 0; i < Angles; ++i)
         if (i != k) eliminate(h[k], h[i], h[i].lane[k / width][k % width]);
       if constexpr (Slides)
-        for (int w = 0; w < slides; ++w) eliminate(h[k], g[w], g[w].lane[k / width][k % width]);
+        PLANAR_CHAIN_SLIDES(w) eliminate(h[k], g[w], g[w].lane[k / width][k % width]);
     }
     return -1;
   }
@@ -307,7 +311,7 @@ class DenseSeries {
   PLANAR_CHAIN_INLINE void scale(Column& column, double factor) const {
     for (int p = 0; p < parts; ++p) column.lane[p] *= factor;
     if constexpr (Slides)
-      for (int w = 0; w < slides; ++w) column.slide[w] *= factor;
+      PLANAR_CHAIN_SLIDES(w) column.slide[w] *= factor;
   }
 
   // Takes the pivot's column out of another, `entry` of which stands in the pivot's row.
@@ -317,7 +321,7 @@ class DenseSeries {
     entry = 0.0;
     for (int p = 0; p < parts; ++p) other.lane[p] -= factor * pivot.lane[p];
     if constexpr (Slides)
-      for (int w = 0; w < slides; ++w) other.slide[w] -= factor * pivot.slide[w];
+      PLANAR_CHAIN_SLIDES(w) other.slide[w] -= factor * pivot.slide[w];
   }
 
   // The inverse of H times an arm: its angles, and one of its slides, whose row is its column.
@@ -327,14 +331,14 @@ class DenseSeries {
 #pragma GCC unroll 8
       for (int l = 0; l < Angles; ++l) sum += inverse_[l](p) * arm.lane[l / width][l % width];
       if constexpr (Slides)
-        for (int w = 0; w < slides; ++w) sum += slide_inverse_[w](p) * arm.slide[w];
+        PLANAR_CHAIN_SLIDES(w) sum += slide_inverse_[w](p) * arm.slide[w];
       out(p) = sum;
     }
   }
   PLANAR_CHAIN_INLINE double answer_of_slide(int w, const Column& arm) const {
     double total = 0.0;
     for (int p = 0; p < parts; ++p) total += sum(slide_inverse_[w](p) * arm.lane[p]);
-    for (int v = 0; v < slides; ++v) total += between_inverse_[w][v] * arm.slide[v];
+    PLANAR_CHAIN_SLIDES(v) total += between_inverse_[w][v] * arm.slide[v];
     return total;
   }
 
@@ -359,7 +363,7 @@ class DenseSeries {
       for (int p = 0; p < parts; ++p)
         balance(p) += unit_x[0](p) * (push.x(p) * ey + push.y(p) * ex) - unit_y[0](p) * (push.x(p) * ex - push.y(p) * ey);
       if constexpr (Slides)
-        for (int w = 0; w < slides; ++w) {
+        PLANAR_CHAIN_SLIDES(w) {
           const SlideSeries& s = slide[w];
           const double fx = push.slide_x[w] * ex - push.slide_y[w] * ey, fy = push.slide_x[w] * ey + push.slide_y[w] * ex;
           of[w].balance += s.unit_x[0] * fx + s.unit_y[0] * fy;
@@ -377,7 +381,7 @@ class DenseSeries {
         pull_y[k](p) -= push.x(p) * ey + push.y(p) * ex;
       }
       if constexpr (Slides)
-        for (int w = 0; w < slides; ++w) {
+        PLANAR_CHAIN_SLIDES(w) {
           slide[w].pull_x[k] -= push.slide_x[w] * ex - push.slide_y[w] * ey;
           slide[w].pull_y[k] -= push.slide_x[w] * ey + push.slide_y[w] * ex;
         }
@@ -414,7 +418,7 @@ class DenseSeries {
     for (int p = 0; p < parts; ++p)
       total += sum(slide_inverse_[w](p) * balance(p) -
                    (row_answer_x_[w](p) * bend_x(p) + row_answer_y_[w](p) * bend_y(p)));
-    for (int v = 0; v < slides; ++v) {
+    PLANAR_CHAIN_SLIDES(v) {
       total += between_inverse_[w][v] * of[v].balance -
                (between_answer_x_[w][v] * of[v].bend_x + between_answer_y_[w][v] * of[v].bend_y);
       if (rides_on[v] >= 0) total += slide_inverse_[w].of[rides_on[v]] * of[v].torque;
@@ -441,7 +445,7 @@ class DenseSeries {
       x += sum(slide_coupling_x[w](p) * bend_x(p) + slide_coupling_y[w](p) * bend_y(p));
       y += sum(slide_coupling_x[w](p) * bend_y(p) - slide_coupling_y[w](p) * bend_x(p));
     }
-    for (int v = 0; v < slides; ++v) {
+    PLANAR_CHAIN_SLIDES(v) {
       x += between_x[w][v] * of[v].bend_x - between_y[w][v] * of[v].bend_y;
       y += between_x[w][v] * of[v].bend_y + between_y[w][v] * of[v].bend_x;
     }
@@ -455,5 +459,7 @@ class DenseSeries {
   Row row_answer_x_[most_slides] = {}, row_answer_y_[most_slides] = {};
   Numbers between_inverse_[most_slides], between_answer_x_[most_slides], between_answer_y_[most_slides];
 };
+
+#undef PLANAR_CHAIN_SLIDES
 
 }  // namespace planar_chain

@@ -36,15 +36,17 @@ class TaylorDense final : public Taylor {
   int expand(const JointState& base) override { return widest_ ? fill_wide(base) : fill(base); }
 
  private:
-  // The same code twice; without contraction the wider vectors change no bit.
+  // The same code twice; without contraction the wider vectors change no bit. Where there are wide ones, the other code is
+  // for processors of before 2013: it is made small, not fast, as it takes longer to compile than the wide one.
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(PLANAR_CHAIN_NARROW)
   __attribute__((target("avx2"))) int fill_wide(const JointState& base) { return coefficients(base); }
+  __attribute__((cold)) int fill(const JointState& base) { return coefficients(base); }
   const bool widest_ = __builtin_cpu_supports("avx2");
 #else
   int fill_wide(const JointState& base) { return coefficients(base); }
+  int fill(const JointState& base) { return coefficients(base); }
   const bool widest_ = false;
 #endif
-  int fill(const JointState& base) { return coefficients(base); }
 
   PLANAR_CHAIN_INLINE int coefficients(const JointState& base) {
     Series& s = series_;
