@@ -51,6 +51,7 @@ lint: $(TEST_READY)
 	$(VENV)/bin/ruff check
 	$(PY) -m pycodestyle .
 	$(VENV)/bin/mypy
+	$(VENV)/bin/clang-format --dry-run --Werror $$(find $(KERNEL) -name '*.[ch]pp')
 	$(CXX) -std=c++17 -fvisibility=hidden -fsyntax-only -Wall -Wextra -Wpedantic -Werror $(KERNEL)/bindings.cpp \
 	  $$($(PY) -c 'import pybind11, sysconfig; print("-isystem", sysconfig.get_path("include"), "-isystem", pybind11.get_include())')
 

@@ -87,6 +87,7 @@ setup(
             'pybind11>=2.11',            # colcon builds without isolation
             'ruff', 'pycodestyle',       # the rules of ament_flake8 and ament_pep257
             'mypy',                      # types
+            'clang-format==23.1.5',      # of the kernel; another version formats otherwise
         ],
         'docs': ['pdoc'],               # make docs
         'benchmark': [

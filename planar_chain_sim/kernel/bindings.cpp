@@ -47,10 +47,10 @@ PYBIND11_MODULE(_kernel, module) {
 #endif
 
   // `values` as finite C-ordered float64 of this shape; ValueError names argument, got and wanted.
-  module.def("finite_array", [](const std::string& name, const py::handle& values,
-                                const std::vector<py::ssize_t>& shape) {
-    return Numbers(name.c_str(), values, shape.data(), static_cast<int>(shape.size())).array();
-  });
+  module.def("finite_array",
+             [](const std::string& name, const py::handle& values, const std::vector<py::ssize_t>& shape) {
+               return Numbers(name.c_str(), values, shape.data(), static_cast<int>(shape.size())).array();
+             });
 
   // The same of any shape that ends in `last`.
   module.def("finite_rows", [](const std::string& name, const py::handle& values, py::ssize_t last) {
@@ -77,8 +77,7 @@ PYBIND11_MODULE(_kernel, module) {
       .def("mass_matrix", &Model::mass_matrix)
       .def("derivatives", &Model::derivatives)
       .def("energy", py::overload_cast<const py::handle&, const py::handle&>(&Model::energy))
-      .def("linearize",
-           py::overload_cast<const py::handle&, const py::handle&, const py::handle&>(&Model::linearize));
+      .def("linearize", py::overload_cast<const py::handle&, const py::handle&, const py::handle&>(&Model::linearize));
 
   py::class_<StateBatch>(module, "StateBatch")
       .def(py::init<const Model&, const Array&, const Array&, const Array&, bool>(), py::keep_alive<1, 2>())
@@ -87,17 +86,17 @@ PYBIND11_MODULE(_kernel, module) {
 
   py::class_<pc::Tableau>(module, "Tableau")
       .def(py::init([](int stages, std::vector<double> a, std::vector<double> b, std::vector<double> error,
-                       std::vector<double> dense_a, std::vector<double> dense, std::vector<double> c, double gamma) {
-        return pc::Tableau{stages, a, b, error, dense_a, dense, c, gamma};
-      }));
+                       std::vector<double> dense_a, std::vector<double> dense, std::vector<double> c,
+                       double gamma) { return pc::Tableau{stages, a, b, error, dense_a, dense, c, gamma}; }));
 
   py::class_<pc::MethodData>(module, "MethodData")
       .def(py::init([](std::string family, int order, bool adaptive, double tolerance, double fixed,
                        const pc::Tableau& tableau) {
-        for (pc::Family each : every(pc::Family::taylor))
-          if (family == name_of(each)) return pc::MethodData{each, order, adaptive, tableau, tolerance, fixed};
-        throw py::value_error("family '" + family + "' is none of FAMILIES");
-      }), py::arg("family"), py::arg("order"), py::arg("adaptive"), py::arg("tolerance"), py::arg("fixed") = 0.0,
+             for (pc::Family each : every(pc::Family::taylor))
+               if (family == name_of(each)) return pc::MethodData{each, order, adaptive, tableau, tolerance, fixed};
+             throw py::value_error("family '" + family + "' is none of FAMILIES");
+           }),
+           py::arg("family"), py::arg("order"), py::arg("adaptive"), py::arg("tolerance"), py::arg("fixed") = 0.0,
            py::arg("tableau") = pc::Tableau());
 
   py::class_<Stepper>(module, "Stepper")

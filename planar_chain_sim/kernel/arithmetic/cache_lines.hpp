@@ -19,9 +19,13 @@ struct CacheLines {
   Number* allocate(std::size_t count) { return static_cast<Number*>(::operator new(count * sizeof(Number), line)); }
   void deallocate(Number* numbers, std::size_t) { ::operator delete(numbers, line); }
   template <class Other>
-  bool operator==(const CacheLines<Other>&) const { return true; }
+  bool operator==(const CacheLines<Other>&) const {
+    return true;
+  }
   template <class Other>
-  bool operator!=(const CacheLines<Other>&) const { return false; }
+  bool operator!=(const CacheLines<Other>&) const {
+    return false;
+  }
 };
 
 template <class Number>

@@ -10,11 +10,12 @@ namespace planar_chain {
 
 namespace trigonometry {
 
-constexpr std::uint64_t two_over_pi[] = {  // its bits behind the point
-    0xa2f9836e4e441529, 0xfc2757d1f534ddc0, 0xdb6295993c439041, 0xfe5163abdebbc561, 0xb7246e3a424dd2e0,
-    0x06492eea09d1921c, 0xfe1deb1cb129a73e, 0xe88235f52ebb4484, 0xe99c7026b45f7e41, 0x3991d639835339f4,
-    0x9c845f8bbdf9283b, 0x1ff897ffde05980f, 0xef2f118b5a0a6d1f, 0x6d367ecf27cb09b7, 0x4f463f669e5fea2d,
-    0x7527bac7ebe5f17b, 0x3d0739f78a5292ea, 0x6bfb5fb11f8d5d08, 0x56033046fc7b6bab};
+// The bits of 2 / pi behind the point.
+constexpr std::uint64_t two_over_pi[] = {0xa2f9836e4e441529, 0xfc2757d1f534ddc0, 0xdb6295993c439041, 0xfe5163abdebbc561,
+                                         0xb7246e3a424dd2e0, 0x06492eea09d1921c, 0xfe1deb1cb129a73e, 0xe88235f52ebb4484,
+                                         0xe99c7026b45f7e41, 0x3991d639835339f4, 0x9c845f8bbdf9283b, 0x1ff897ffde05980f,
+                                         0xef2f118b5a0a6d1f, 0x6d367ecf27cb09b7, 0x4f463f669e5fea2d, 0x7527bac7ebe5f17b,
+                                         0x3d0739f78a5292ea, 0x6bfb5fb11f8d5d08, 0x56033046fc7b6bab};
 
 // 64 bits of 2/pi from bit `first` on, bit 0 being the first behind the point; zeros before it.
 inline std::uint64_t bits_of_two_over_pi(int first) {
@@ -45,7 +46,8 @@ inline void reduce_far(double angle, double& r, double& tail, std::uint64_t& qua
   }
   // fraction 2^-64 + rest 2^-128 of a quarter, as four exact doubles of 32 bits, times pi/2 = half_1 + half_2
   constexpr double half_1 = 0x1.921fb54442d18p+0, half_2 = 0x1.1a62633145c07p-54;
-  const double a = static_cast<double>(fraction >> 32) * 0x1p-32, b = static_cast<double>(fraction & 0xFFFFFFFF) * 0x1p-64;
+  const double a = static_cast<double>(fraction >> 32) * 0x1p-32,
+               b = static_cast<double>(fraction & 0xFFFFFFFF) * 0x1p-64;
   const double c = static_cast<double>(rest >> 32) * 0x1p-96, d = static_cast<double>(rest & 0xFFFFFFFF) * 0x1p-128;
   const double ab = a + b, ab_low = b - (ab - a);
   const double x = ab + (ab_low + (c + d)), x_low = (ab - x) + (ab_low + (c + d));

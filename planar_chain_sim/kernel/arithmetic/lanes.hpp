@@ -17,11 +17,13 @@ struct alignas(count * sizeof(Number)) LanesOf {
   PLANAR_CHAIN_INLINE LanesOf(Number everywhere) : at(everywhere - Numbers{}) {}  // x - 0 is x, also for x = -0
   PLANAR_CHAIN_INLINE explicit LanesOf(const Numbers& numbers) : at(numbers) {}
 
+  // clang-format off: it would part ## and =
 #define PLANAR_CHAIN_OPERATOR(symbol)                                                                             \
   PLANAR_CHAIN_INLINE friend LanesOf operator symbol(const LanesOf& a, const LanesOf& b) {                        \
     return LanesOf(a.at symbol b.at);                                                                             \
   }                                                                                                               \
   PLANAR_CHAIN_INLINE LanesOf& operator symbol##=(const LanesOf& b) { return *this = *this symbol b; }
+  // clang-format on
   PLANAR_CHAIN_OPERATOR(+)
   PLANAR_CHAIN_OPERATOR(-)
   PLANAR_CHAIN_OPERATOR(*)
@@ -35,9 +37,9 @@ struct alignas(count * sizeof(Number)) LanesOf {
   PLANAR_CHAIN_INLINE friend LanesOf operator>>(const LanesOf& a, int bits) { return LanesOf(a.at >> bits); }
 
   // True: all bits of the lane.
-#define PLANAR_CHAIN_COMPARISON(symbol)                                                                           \
-  PLANAR_CHAIN_INLINE friend LanesOf<std::int64_t, count> operator symbol(const LanesOf& a, const LanesOf& b) {   \
-    return LanesOf<std::int64_t, count>(a.at symbol b.at);                                                        \
+#define PLANAR_CHAIN_COMPARISON(symbol)                                                                         \
+  PLANAR_CHAIN_INLINE friend LanesOf<std::int64_t, count> operator symbol(const LanesOf& a, const LanesOf& b) { \
+    return LanesOf<std::int64_t, count>(a.at symbol b.at);                                                      \
   }
   PLANAR_CHAIN_COMPARISON(<)
   PLANAR_CHAIN_COMPARISON(>)

@@ -9,15 +9,25 @@ struct VecOf {
   Real x = 0.0, y = 0.0;
 };
 template <class Real>
-inline VecOf<Real> operator+(const VecOf<Real>& a, const VecOf<Real>& b) { return {a.x + b.x, a.y + b.y}; }
+inline VecOf<Real> operator+(const VecOf<Real>& a, const VecOf<Real>& b) {
+  return {a.x + b.x, a.y + b.y};
+}
 template <class Real>
-inline VecOf<Real> operator-(const VecOf<Real>& a, const VecOf<Real>& b) { return {a.x - b.x, a.y - b.y}; }
+inline VecOf<Real> operator-(const VecOf<Real>& a, const VecOf<Real>& b) {
+  return {a.x - b.x, a.y - b.y};
+}
 template <class Scale, class Real>
-inline VecOf<Real> operator*(const Scale& s, const VecOf<Real>& a) { return {s * a.x, s * a.y}; }
+inline VecOf<Real> operator*(const Scale& s, const VecOf<Real>& a) {
+  return {s * a.x, s * a.y};
+}
 template <class Real>
-inline Real dot(const VecOf<Real>& a, const VecOf<Real>& b) { return a.x * b.x + a.y * b.y; }
+inline Real dot(const VecOf<Real>& a, const VecOf<Real>& b) {
+  return a.x * b.x + a.y * b.y;
+}
 template <class Real>
-inline VecOf<Real> perp(const VecOf<Real>& a) { return {-a.y, a.x}; }
+inline VecOf<Real> perp(const VecOf<Real>& a) {
+  return {-a.y, a.x};
+}
 template <class Real>
 inline VecOf<Real> rotate(const Real& x, const Real& y, const Real& cosine, const Real& sine) {
   return {x * cosine - y * sine, x * sine + y * cosine};

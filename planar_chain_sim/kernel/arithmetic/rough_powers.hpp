@@ -13,14 +13,14 @@ inline double rough_log2(double x) {
   std::memcpy(&bits, &x, sizeof bits);
   const int exponent = static_cast<int>(bits >> 52) - 1023;
   bits = (bits & 0xFFFFFFFFFFFFFu) | 0x3FF0000000000000u;
-  double m;                                                // x = m 2^e, 1 <= m < 2
+  double m;  // x = m 2^e, 1 <= m < 2
   std::memcpy(&m, &bits, sizeof m);
   return exponent + (m - 1.0) * (1.34 - 0.34 * (m - 1.0));
 }
 inline double rough_power_of_2(double x) {
   if (!(x > -1000.0)) return 0.0;
   if (x > 1000.0) x = 1000.0;
-  const int whole = static_cast<int>(x + 1024.0) - 1024;   // rounds down
+  const int whole = static_cast<int>(x + 1024.0) - 1024;  // rounds down
   const double part = x - whole;
   const std::uint64_t bits = static_cast<std::uint64_t>(whole + 1023) << 52;
   double power;

@@ -26,16 +26,16 @@ constexpr double to_nearest = 0x1.8p52;  // adding it leaves no bits behind the 
 template <class Real>
 inline Real sine_series(const Real& z) {
   const Real z2 = z * z;
-  return (-0x1.5555555555555p-3 + z * 0x1.1111111110bb2p-7)
-         + z2 * ((-0x1.a01a019e83816p-13 + z * 0x1.71de379654304p-19)
-         + z2 * (-0x1.ae600aca92c64p-26 + z * 0x1.5e0b05bff20f2p-33));
+  return (-0x1.5555555555555p-3 + z * 0x1.1111111110bb2p-7) +
+         z2 * ((-0x1.a01a019e83816p-13 + z * 0x1.71de379654304p-19) +
+               z2 * (-0x1.ae600aca92c64p-26 + z * 0x1.5e0b05bff20f2p-33));
 }
 template <class Real>
 inline Real cosine_series(const Real& z) {
   const Real z2 = z * z;
-  return (0x1.5555555555555p-5 + z * -0x1.6c16c16c16967p-10)
-         + z2 * ((0x1.a01a019f4e9b4p-16 + z * -0x1.27e4fa17bf139p-22)
-         + z2 * (0x1.1eeb68cd22f56p-29 + z * -0x1.907d8f29fe831p-37));
+  return (0x1.5555555555555p-5 + z * -0x1.6c16c16c16967p-10) +
+         z2 * ((0x1.a01a019f4e9b4p-16 + z * -0x1.27e4fa17bf139p-22) +
+               z2 * (0x1.1eeb68cd22f56p-29 + z * -0x1.907d8f29fe831p-37));
 }
 
 // `negative`: 0 or 1.
@@ -108,15 +108,15 @@ template <class Real, class Low>
 PLANAR_CHAIN_INLINE void sine_cosine_each(const Real* __restrict angle, const Low& low, Real* __restrict sine,
                                           Real* __restrict cosine, int count) {
   std::conditional_t<lanes_in<Real> == 1, int, Truth<Real>> far = 0;  // an int, for the loop to become vectors
-  for (int i = 0; i < count; ++i)
-    far |= trigonometry::near_sine_cosine(angle[i], Real(low[i]), sine[i], cosine[i]);
+  for (int i = 0; i < count; ++i) far |= trigonometry::near_sine_cosine(angle[i], Real(low[i]), sine[i], cosine[i]);
   if (!any(Truth<Real>(far))) return;
   for (int i = 0; i < count; ++i) sine_cosine(angle[i], Real(low[i]), sine[i], cosine[i]);
 }
 
 // The same for `blocks` times 8 angles, with the machine's widest vectors; without contraction that changes no bit.
 constexpr int sine_block = 8;
-#if defined(__GNUC__) && !defined(__clang__) && defined(__x86_64__) && defined(__linux__) && !defined(PLANAR_CHAIN_NARROW)
+#if defined(__GNUC__) && !defined(__clang__) && defined(__x86_64__) && defined(__linux__) && \
+    !defined(PLANAR_CHAIN_NARROW)
 __attribute__((target_clones("avx2", "default")))
 #endif
 inline void sine_cosine(const double* __restrict angle, double* __restrict sine, double* __restrict cosine,

@@ -44,7 +44,7 @@ struct Batch {
   const double* effort = nullptr;                         // (1 or count, 1 or ticks, joints); stride 0: the same
   std::size_t effort_scene_stride = 0, effort_tick_stride = 0;
   LaneMethod method = LaneMethod::none;
-  Tableau tableau;  // Runge-Kutta
+  Tableau tableau;                                   // Runge-Kutta
   std::function<SingleRun(std::size_t)> single_run;  // of one of `scenes`
   mutable std::atomic<bool> stop{false};             // ends all threads
 

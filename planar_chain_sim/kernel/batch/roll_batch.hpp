@@ -51,7 +51,10 @@ void share_out(std::vector<Worker>& workers, std::int64_t blocks, std::atomic<bo
   std::vector<std::thread> threads;
   try {
     while (threads.size() + 1 < workers.size()) {
-      { const std::lock_guard<std::mutex> guard(mutex); ++running; }
+      {
+        const std::lock_guard<std::mutex> guard(mutex);
+        ++running;
+      }
       threads.emplace_back(work_aside, threads.size() + 1);
     }
   } catch (const std::system_error&) {  // no more threads to be had: fewer do it too
@@ -77,8 +80,7 @@ inline void roll_batch(const Batch& batch, int threads, int lanes, const std::fu
   if (lanes == 1 || batch.method == LaneMethod::none) {
     std::vector<ScenesAlone> workers;
     for (std::int64_t k = workers_for(batch.count); k > 0; --k) workers.emplace_back(batch);
-    return share_out(workers, batch.count, batch.stop, ask,
-                     [](ScenesAlone& worker, std::int64_t i) { worker.run(i); });
+    return share_out(workers, batch.count, batch.stop, ask, [](ScenesAlone& worker, std::int64_t i) { worker.run(i); });
   }
   with_width(lanes, [&](auto width) {
     using Real = typename decltype(width)::Real;

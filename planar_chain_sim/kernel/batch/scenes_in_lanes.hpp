@@ -122,10 +122,10 @@ class ScenesInLanes {
     switch (batch_.method) {
       case LaneMethod::runge_kutta: singular = runge_kutta(); break;
       case LaneMethod::semi_implicit_euler: singular = semi_implicit_euler(); break;
-      case LaneMethod::none: break;   // runs alone
+      case LaneMethod::none: break;  // runs alone
     }
-    Real nothing = 0.0;         // or no number, where one that is not finite meets itself
-    Truth<Real> violent = 0;    // is judged alone
+    Real nothing = 0.0;       // or no number, where one that is not finite meets itself
+    Truth<Real> violent = 0;  // is judged alone
     for (std::size_t j = 0; j < joints_; ++j) {
       nothing += (next_.position[j] - next_.position[j]) + (next_.velocity[j] - next_.velocity[j]);
       const Real jump = (next_.velocity[j] - state_.velocity[j]) * step_;

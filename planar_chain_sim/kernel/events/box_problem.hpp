@@ -21,7 +21,7 @@ class BoxProblem {
   std::vector<double> W, b, lower, upper;  // W row by row
   std::vector<double> x, y;                // the solution
   enum class At { inside, lower, upper };
-  std::vector<At> at;                      // where each x_i came to lie
+  std::vector<At> at;  // where each x_i came to lie
 
   explicit BoxProblem(std::size_t size)
       : W(size * size), b(size), lower(size), upper(size), x(size), y(size), at(size, At::inside) {}

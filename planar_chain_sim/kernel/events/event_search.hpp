@@ -19,8 +19,8 @@ enum class Found { nothing, crossing, failed, poor };
 
 class EventSearch {
  public:
-  double low = 0.0, high = 0.0;   // after Found::crossing: in here they cross zero, falling all the way
-  std::vector<int> crossing;      // which
+  double low = 0.0, high = 0.0;  // after Found::crossing: in here they cross zero, falling all the way
+  std::vector<int> crossing;     // which
 
   // For functions numbered 0 .. count - 1.
   void resize(int count) {
@@ -47,7 +47,7 @@ class EventSearch {
   // Advances in Engineering Software 28 (1997), 145-149. `value(time, f)` gives the function, or false.
   template <class Value>
   static bool close_in(Value&& value, double& low, double f_low, double& high, double f_high) {
-    double a = high, f_a = f_high, b = low, f_b = f_low, t = 0.5;   // a is the newest
+    double a = high, f_a = f_high, b = low, f_b = f_low, t = 0.5;  // a is the newest
     for (int rounds = 0; rounds < 200; ++rounds) {
       const double width = std::fabs(b - a), least = spacing(std::fmax(std::fabs(a), std::fabs(b)));
       if (width <= least) break;
@@ -71,7 +71,7 @@ class EventSearch {
 
  private:
   static constexpr int none = -1, kept_samples = 2, most_depth = 44, most_samples = 2 + 2 + 4 * (most_depth + 1);
-  static constexpr int most_evaluations = 600;   // beyond, ends of intervals alone are looked at
+  static constexpr int most_evaluations = 600;  // beyond, ends of intervals alone are looked at
 
   static double spacing(double x) { return 2.0 * std::numeric_limits<double>::epsilon() * x; }
 
@@ -158,7 +158,7 @@ class EventSearch {
 
   int count_ = 0, used_ = 0, left_ = 0;
   double least_width_ = 0.0;
-  std::vector<double> values_;   // a row for each sample; the first two are those at `high` and `low`
+  std::vector<double> values_;  // a row for each sample; the first two are those at `high` and `low`
 };
 
 }  // namespace planar_chain

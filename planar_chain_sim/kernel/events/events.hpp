@@ -47,7 +47,7 @@ struct JointEvent {
   double offset;      // s behind that tick
   EventKind kind;
   int joint;
-  double speed;       // with which a stop was touched
+  double speed;  // with which a stop was touched
 };
 
 class EventDriven final : public Integrator {
@@ -125,9 +125,8 @@ class EventDriven final : public Integrator {
     for (auto* part : {&effort_.excess, &standing_at_.position, &standing_at_.position_remainder})
       if (!kept.numbers(*part)) return false;
     for (int j = 0; j < joints_; ++j)
-      if (effort_.excess[j] < 0.0 ||
-          (state != nullptr && holding_.standing[j] &&
-           (state->position[j] != standing_at_.position[j] || state->velocity[j] != 0.0)))
+      if (effort_.excess[j] < 0.0 || (state != nullptr && holding_.standing[j] &&
+                                      (state->position[j] != standing_at_.position[j] || state->velocity[j] != 0.0)))
         return false;
     holding_.places = standing_at_.position;
     if (changed_) return kept.left() == 0;
@@ -142,7 +141,7 @@ class EventDriven final : public Integrator {
   // Accelerations at a state under the actuators that acted last, of joints that stand zero; -1, or the joint whose
   // pivot vanished.
   int accelerate(const JointState& state, const double* actuator, double* acceleration) {
-    if (!under_way_ || changed_) {               // what stands in this state is not decided yet
+    if (!under_way_ || changed_) {  // what stands in this state is not decided yet
       EventDriven decided(chain_, forces_, method_, step_, dense_);
       JointState start = state;
       Progress progress;
@@ -165,7 +164,7 @@ class EventDriven final : public Integrator {
   // To the next tick where nothing changes and nothing happens, in a step that has been looked through that far.
   bool coast(std::int64_t tick, double from, JointState& state, const double* actuator) {
     if (!under_way_ || changed_ || !are_held(actuator)) return false;
-    if (!watched_.motion()) return true;       // everything stands
+    if (!watched_.motion()) return true;  // everything stands
     if (!watched_.coast(tick, from)) return false;
     part_.scatter(watched_.located, state);
     return true;
@@ -205,7 +204,7 @@ class EventDriven final : public Integrator {
     bool passed = false;
     for (int happened = 0; at < to;) {
       Motion* const motion = watched_.motion();
-      if (motion == nullptr) return true;      // everything stands, under efforts that do not change
+      if (motion == nullptr) return true;  // everything stands, under efforts that do not change
       part_.gather(state, watched_.moved);
       if (!watched_.look(tick, at, to, passed, progress)) return failed(progress);
       const double wanted = motion->into_step(to);
@@ -349,12 +348,12 @@ class EventDriven final : public Integrator {
   MovingPart part_;
   HoldingEffort effort_;
   WatchedMotion watched_;
-  bool under_way_ = false, changed_ = false;                  // the latter: forces other than the actuators'
-  JointState kept_, standing_at_;                             // of all joints; the last: when that was decided
+  bool under_way_ = false, changed_ = false;  // the latter: forces other than the actuators'
+  JointState kept_, standing_at_;             // of all joints; the last: when that was decided
   bool built_ = false;
-  std::vector<bool> built_for_;                               // what stood where the moving part was made
+  std::vector<bool> built_for_;  // what stood where the moving part was made
   JointState built_at_{0};
-  std::vector<double> saved_;                                 // what save() says before a tick
+  std::vector<double> saved_;  // what save() says before a tick
 };
 
 inline std::unique_ptr<Integrator> make_integrator(const MethodData& method, const Chain& chain, Form& form,

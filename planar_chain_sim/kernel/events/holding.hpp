@@ -71,7 +71,8 @@ class Holding {
 
   // Impacts of all joints that are on a stop and move into it, together; which they were, and how fast, goes to
   // `touched`. `held`: efforts of the actuators.
-  bool collide(JointState& state, const double* held, std::vector<std::pair<int, double>>& touched, Progress& progress) {
+  bool collide(JointState& state, const double* held, std::vector<std::pair<int, double>>& touched,
+               Progress& progress) {
     bool approaches = false;
     for (int j = 0; j < joints_; ++j) {
       const double n = on_lower(j, state.position[j]) ? 1.0 : on_upper(j, state.position[j]) ? -1.0 : 0.0;
@@ -178,10 +179,11 @@ class Holding {
   }
 
  private:
-  enum class Impact { rebounding, ending, holding };   // by restitution; by none; and nothing leaves its stop
+  enum class Impact { rebounding, ending, holding };  // by restitution; by none; and nothing leaves its stop
 
   void touch(int j, double way) {
-    if (std::find(touching_.begin(), touching_.end(), j) == touching_.end()) touching_.push_back(j), way_.push_back(way);
+    if (std::find(touching_.begin(), touching_.end(), j) == touching_.end())
+      touching_.push_back(j), way_.push_back(way);
   }
 
   // Joints on a stop that do not leave it, and where an impact has been those that are on their way `at once`; true
@@ -225,7 +227,7 @@ class Holding {
       respond(j);
       for (std::size_t k = 0; k < count; ++k) impact.W[k * count + i] = way_[i] * way_[k] * answer_[touching_[k]];
     }
-    if (!impact.solve()) {   // nothing leaves its stop, which has a solution always
+    if (!impact.solve()) {  // nothing leaves its stop, which has a solution always
       std::fill(impact.lower.begin(), impact.lower.end(), -infinity);
       std::fill(impact.at.begin(), impact.at.end(), BoxProblem::At::inside);
       impact.solve();
@@ -278,9 +280,9 @@ class Holding {
   Recursion recursion_;
   RightHandSide right_hand_side_;
   std::vector<double> acceleration_, answer_, unit_, size_, unsure_;
-  std::vector<int> touching_;   // joints of an impact
-  std::vector<double> way_;     // off their stops, +1 or -1
-  int resting_ = 0;             // how many of them rest there
+  std::vector<int> touching_;  // joints of an impact
+  std::vector<double> way_;    // off their stops, +1 or -1
+  int resting_ = 0;            // how many of them rest there
 };
 
 }  // namespace planar_chain

@@ -13,11 +13,11 @@ namespace planar_chain {
 
 class HoldingEffort {
  public:
-  std::vector<double> held;                     // the actuators' efforts, while they do not change
-  std::vector<double> lambda, rounding, margin; // of all joints; margin: by which lambda may exceed its bounds
-  std::vector<double> excess;                   // by which it did where that was decided, and the joint was to stand
-  std::vector<double> acceleration;             // where it was last found
-  JointState full;                              // there; of joints that stand, whoever uses this puts it right
+  std::vector<double> held;                      // the actuators' efforts, while they do not change
+  std::vector<double> lambda, rounding, margin;  // of all joints; margin: by which lambda may exceed its bounds
+  std::vector<double> excess;                    // by which it did where that was decided, and the joint was to stand
+  std::vector<double> acceleration;              // where it was last found
+  JointState full;                               // there; of joints that stand, whoever uses this puts it right
 
   HoldingEffort(Holding& holding, MovingPart& part, int joints)
       : held(joints), lambda(joints), rounding(joints), margin(joints), excess(joints), acceleration(joints),

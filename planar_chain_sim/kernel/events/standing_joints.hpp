@@ -12,9 +12,9 @@
 namespace planar_chain {
 
 struct ReducedChain {
-  Chain chain;               // joints numbered anew
-  JointForces forces;        // smooth laws, wrenches; efforts that do not change are the caller's
-  std::vector<int> joints;   // what the new joints were
+  Chain chain;              // joints numbered anew
+  JointForces forces;       // smooth laws, wrenches; efforts that do not change are the caller's
+  std::vector<int> joints;  // what the new joints were
 };
 
 // Leaves the joints standing at position + remainder, without whole turns, out of the chain.

@@ -142,7 +142,7 @@ class WatchedMotion {
   double end_of_panel() const {
     if (!motion_->reads_densely()) return length_;
     double end = std::fmin(0.0625 * length_, 4.0 * step_);
-    if (end == 0.0) return length_;   // no number is that small
+    if (end == 0.0) return length_;  // no number is that small
     while (end <= searched_) end *= 2.0;
     return std::fmin(end, length_);
   }
@@ -178,7 +178,7 @@ class WatchedMotion {
 
   bool find_value(int w, double time, double& found, Progress& progress) {
     if (!read(time, progress)) return false;
-    if (watches[w].index < 0) {   // of lambda
+    if (watches[w].index < 0) {  // of lambda
       if (!effort_.accelerate(later_, progress)) return false;
       effort_.find(later_);
     }
@@ -313,13 +313,13 @@ class WatchedMotion {
   MovingPart& part_;
   HoldingEffort& effort_;
   std::unique_ptr<Motion> motion_;
-  Counts before_;                                             // of motions that ended
-  bool holds_ = false;                                        // whether any watch is of lambda
+  Counts before_;       // of motions that ended
+  bool holds_ = false;  // whether any watch is of lambda
   EventSearch search_;
   HermiteStep between_;
-  std::int64_t number_ = -1;                                  // of the step that is looked through
-  double length_ = 0.0, searched_ = 0.0, event_at_ = 0.0;     // s: of the step; into it, so far; of the event
-  double shown_ = none;                                       // s into the step where `located` is, if it is anywhere
+  std::int64_t number_ = -1;                               // of the step that is looked through
+  double length_ = 0.0, searched_ = 0.0, event_at_ = 0.0;  // s: of the step; into it, so far; of the event
+  double shown_ = none;                                    // s into the step where `located` is, if it is anywhere
   std::vector<double> values_;
   JointState later_{0};
 };

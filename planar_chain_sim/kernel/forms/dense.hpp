@@ -40,10 +40,10 @@ class DenseOf final : public WideForm<DenseOf<Real>, Real> {
  private:
   struct LinkState {  // slot 0 is the base, at rest
     Real angle = 0.0, rate = 0.0, cosine = 1.0, sine = 0.0;
-    Vec moment, first_moment;          // X_i, D_i
-    Vec lever, slide_axis;             // R_i, chi_i
-    Vec acceleration, force;           // of the joint point where no joint accelerates; F_i there
-    Real scale = 0.0;                  // what the pivot is compared with
+    Vec moment, first_moment;  // X_i, D_i
+    Vec lever, slide_axis;     // R_i, chi_i
+    Vec acceleration, force;   // of the joint point where no joint accelerates; F_i there
+    Real scale = 0.0;          // what the pivot is compared with
   };
 
   Real& entry(int row, int column) {

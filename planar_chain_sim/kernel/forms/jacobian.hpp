@@ -53,8 +53,10 @@ class Jacobian {
       for (int j = i; j > 0; reach = reach + links_[j].lever, j = chain_.links[j].carrier) couple(i, j, reach, effects);
     }
     forces_.each_smooth([&](const auto& law) {
-      if constexpr (std::decay_t<decltype(law)>::of_velocity) by_velocity[at(law.joint, law.joint)] -= law.by_velocity();
-      if constexpr (std::decay_t<decltype(law)>::of_position) by_position[at(law.joint, law.joint)] -= law.by_position();
+      if constexpr (std::decay_t<decltype(law)>::of_velocity)
+        by_velocity[at(law.joint, law.joint)] -= law.by_velocity();
+      if constexpr (std::decay_t<decltype(law)>::of_position)
+        by_position[at(law.joint, law.joint)] -= law.by_position();
     });
     for (const Wrench& wrench : forces_.wrenches) take(wrench);
   }
@@ -197,7 +199,7 @@ class Jacobian {
     Vec inner_arm = rotate(wrench.point_x, wrench.point_y, own.cosine, own.sine);  // r - P_k
     for (int k = wrench.link; k > 0; inner_arm = inner_arm + links_[k].lever, k = chain_.links[k].carrier) {
       const Link& inner = chain_.links[k];
-      Vec arm = rotate(wrench.point_x, wrench.point_y, own.cosine, own.sine);      // r - P_l, l from the link to k
+      Vec arm = rotate(wrench.point_x, wrench.point_y, own.cosine, own.sine);  // r - P_l, l from the link to k
       for (int l = wrench.link;; arm = arm + links_[l].lever, l = chain_.links[l].carrier) {
         const Link& outer = chain_.links[l];
         const double turned = wrench.turns ? dot(inner_arm, force) - dot(arm, force) : -dot(arm, force);

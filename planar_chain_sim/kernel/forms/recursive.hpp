@@ -17,9 +17,9 @@ namespace planar_chain {
 // What links outboard of a joint add to the balance of its carrier.
 template <class Real>
 struct OutboardOf {
-  SymOf<Real> articulated;                              // B, then A
-  VecOf<Real> coupling, bias;                           // h, q, the latter then b
-  Real inertia = 0.0, torque = 0.0, scale = 0.0;        // I, t, what the pivot I is compared with
+  SymOf<Real> articulated;                        // B, then A
+  VecOf<Real> coupling, bias;                     // h, q, the latter then b
+  Real inertia = 0.0, torque = 0.0, scale = 0.0;  // I, t, what the pivot I is compared with
 
   void operator+=(const OutboardOf& other) {
     articulated.xx += other.articulated.xx;
@@ -33,20 +33,20 @@ struct OutboardOf {
 // What a link carries during one evaluation; slot 0 is the base, at rest.
 template <class Real>
 struct LinkStateOf {
-  Real rate = 0.0;                              // phi_i'
-  VecOf<Real> moment;                           // X_i = m_i C_i
-  VecOf<Real> lever;                            // R_i = rho~_i e^(j phi_i-)
-  VecOf<Real> slide_axis;                       // chi_i
-  VecOf<Real> carried;                          // k_i, the velocity terms of the joint point
-  OutboardOf<Real> branches;                    // sum over children other than the next link
-  VecOf<Real> turn_row, slide_row;              // kept for the way back: h, y / Delta
-  Real turn_inverse = 0.0, turn_torque = 0.0;   // 1 / (I + I_a), t
-  Real slide_inverse = 0.0;                     // 1 / Delta
-  Real slide_known = 0.0, slide_coupling = 0.0; // nu / Delta, chi.h / Delta
-  VecOf<Real> acceleration;                     // a_i
-  Real angular_acceleration = 0.0;              // phi_i''
-  VecOf<Real> force;                            // F_i, inverse dynamics alone
-  Real torque_carried = 0.0;                    // P Q_phi, tau_i before its sign, inverse dynamics alone
+  Real rate = 0.0;                               // phi_i'
+  VecOf<Real> moment;                            // X_i = m_i C_i
+  VecOf<Real> lever;                             // R_i = rho~_i e^(j phi_i-)
+  VecOf<Real> slide_axis;                        // chi_i
+  VecOf<Real> carried;                           // k_i, the velocity terms of the joint point
+  OutboardOf<Real> branches;                     // sum over children other than the next link
+  VecOf<Real> turn_row, slide_row;               // kept for the way back: h, y / Delta
+  Real turn_inverse = 0.0, turn_torque = 0.0;    // 1 / (I + I_a), t
+  Real slide_inverse = 0.0;                      // 1 / Delta
+  Real slide_known = 0.0, slide_coupling = 0.0;  // nu / Delta, chi.h / Delta
+  VecOf<Real> acceleration;                      // a_i
+  Real angular_acceleration = 0.0;               // phi_i''
+  VecOf<Real> force;                             // F_i, inverse dynamics alone
+  Real torque_carried = 0.0;                     // P Q_phi, tau_i before its sign, inverse dynamics alone
 };
 
 // A pivot at or below this fraction of its scale is no pivot: equations.md 7, "Guard".
@@ -133,8 +133,7 @@ class RecursionOf final : public FormOf<Real> {
   const LinkState& state(int link) const { return state_[link]; }
 
   // Efforts of the bare mechanism (armature in, joint laws out) for given accelerations: equations.md 6.1.
-  void inverse(const Real* position, const Real* velocity, const Real* acceleration, bool gravity,
-               Real* effort) {
+  void inverse(const Real* position, const Real* velocity, const Real* acceleration, bool gravity, Real* effort) {
     turn(position, velocity);
     state_[0].acceleration = gravity ? against_gravity() : Vec{};
     for (int i = 1; i <= chain_.link_count(); ++i) {
@@ -354,10 +353,8 @@ class RecursionOf final : public FormOf<Real> {
   void balance(int i, const Real* acceleration, Real* effort) {
     const Link& link = chain_.links[i];
     const LinkState& s = state_[i];
-    if (turns(link))
-      effort[link.rotation] = link.sign * s.torque_carried + link.rotor * acceleration[link.rotation];
-    if (slides(link))
-      effort[link.slide] = dot(s.slide_axis, s.force) + link.slide_armature * acceleration[link.slide];
+    if (turns(link)) effort[link.rotation] = link.sign * s.torque_carried + link.rotor * acceleration[link.rotation];
+    if (slides(link)) effort[link.slide] = dot(s.slide_axis, s.force) + link.slide_armature * acceleration[link.slide];
     if (link.carrier == 0) return;
     LinkState& p = state_[link.carrier];
     p.force = p.force + s.force;
@@ -369,7 +366,7 @@ class RecursionOf final : public FormOf<Real> {
   const ChainOf<Real>& chain_;
   std::vector<LinkState> state_;
   AlignedVector<Real> angle_, sine_, cosine_;  // phi_i, e^(j phi_i); slot 0 is the base, the last block is padded
-  std::vector<Real> low_;                    // what phi_i is beyond double precision, where that is known
+  std::vector<Real> low_;                      // what phi_i is beyond double precision, where that is known
 };
 
 using Recursion = RecursionOf<double>;
@@ -411,7 +408,8 @@ void RecursionOf<Real, Plain>::sizes(const Real* velocity, const Real* accelerat
     const Size& s = of[i];
     if (turns(link)) size[link.rotation] = s.torque + link.rotor * magnitude(acceleration[link.rotation]);
     if (slides(link))
-      size[link.slide] = both(state_[i].slide_axis) * s.force + dot(turned(state_[i].slide_axis, link.carrier), s.weight) +
+      size[link.slide] = both(state_[i].slide_axis) * s.force +
+                         dot(turned(state_[i].slide_axis, link.carrier), s.weight) +
                          link.slide_armature * magnitude(acceleration[link.slide]);
     if (link.carrier == 0) continue;
     Size& p = of[link.carrier];

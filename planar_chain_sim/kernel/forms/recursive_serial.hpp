@@ -28,15 +28,15 @@ class SerialRecursionOf final : public WideForm<SerialRecursionOf<Real>, Real> {
   }
 
   explicit SerialRecursionOf(const ChainOf<Real>& chain)
-      : refined_(chain.refined), count_(chain.link_count()), padded_(lanes_in<Real> > 1 ? count_ : (count_ + 3) / 4 * 4),
-        stride_((padded_ + 7) / 8 / 2 * 16 + 8), gravity_x_(chain.gravity_x), gravity_y_(chain.gravity_y),
-        constants_(std::size_t(stride_) * constant_rows),
+      : refined_(chain.refined), count_(chain.link_count()),
+        padded_(lanes_in<Real> > 1 ? count_ : (count_ + 3) / 4 * 4), stride_((padded_ + 7) / 8 / 2 * 16 + 8),
+        gravity_x_(chain.gravity_x), gravity_y_(chain.gravity_y), constants_(std::size_t(stride_) * constant_rows),
         state_(std::size_t(stride_) * state_rows, Real(0.0)) {
     for (int i = 0; i < count_; ++i) {
       const LinkOf<Real>& link = chain.links[i + 1];
       const LinkOf<Real> next = i + 1 < count_ ? chain.links[i + 2] : LinkOf<Real>();
-      const Real row[] = {link.sign, link.mass, link.inertia, singular_pivot * pivot_scale(link, next), link.moment_x,
-                            link.moment_y, next.offset_x, next.offset_y};
+      const Real row[] = {link.sign,     link.mass,     link.inertia,  singular_pivot * pivot_scale(link, next),
+                          link.moment_x, link.moment_y, next.offset_x, next.offset_y};
       for (int k = 0; k < constant_rows; ++k) constants_[std::size_t(k) * stride_ + i] = row[k];
     }
   }
@@ -53,12 +53,27 @@ class SerialRecursionOf final : public WideForm<SerialRecursionOf<Real>, Real> {
 
  private:
   enum Constant { sign, mass, inertia, least, moment_x, moment_y, offset_x, offset_y, constant_rows };
-  enum State {                                         // of link i:
-    angle, turning, sine, cosine,                      // phi, -phi'^2, e^(j phi)
-    coupling_x, coupling_y, bias_x, bias_y,            // own part of h and q
-    lever_x, lever_y, carried_x, carried_y,            // s and k of the next link
-    row_x, row_y, known,                               // kept for the way back: g = h / I, t / I
-    reciprocal, turned, point_x, point_y, state_rows   // kept for refinement: 1 / I, phi'', a
+  enum State {  // of link i:
+    angle,
+    turning,
+    sine,
+    cosine,  // phi, -phi'^2, e^(j phi)
+    coupling_x,
+    coupling_y,
+    bias_x,
+    bias_y,  // own part of h and q
+    lever_x,
+    lever_y,
+    carried_x,
+    carried_y,  // s and k of the next link
+    row_x,
+    row_y,
+    known,  // kept for the way back: g = h / I, t / I
+    reciprocal,
+    turned,
+    point_x,
+    point_y,
+    state_rows  // kept for refinement: 1 / I, phi'', a
   };
   const Real* row(Constant kind) const { return &constants_[std::size_t(kind) * stride_]; }
   Real* row(State kind) { return &state_[std::size_t(kind) * stride_]; }
@@ -77,10 +92,11 @@ class SerialRecursionOf final : public WideForm<SerialRecursionOf<Real>, Real> {
   void place() {
     sine_cosine_each(row(angle), NothingLost(), row(sine), row(cosine), padded_);
     const Real *const mx = row(moment_x), *const my = row(moment_y), *const ox = row(offset_x),
-                 *const oy = row(offset_y);
+                      *const oy = row(offset_y);
     const Real *const s = row(sine), *const c = row(cosine), *const w = row(turning);
     Real *const hx = row(coupling_x), *const hy = row(coupling_y), *const qx = row(bias_x), *const qy = row(bias_y),
-         *const sx = row(lever_x), *const sy = row(lever_y), *const kx = row(carried_x), *const ky = row(carried_y);
+                *const sx = row(lever_x), *const sy = row(lever_y), *const kx = row(carried_x),
+                *const ky = row(carried_y);
 #pragma GCC ivdep
     for (int i = 0; i < padded_; ++i) {
       const Real x = mx[i] * c[i] - my[i] * s[i], y = mx[i] * s[i] + my[i] * c[i];    // X_i
@@ -95,9 +111,10 @@ class SerialRecursionOf final : public WideForm<SerialRecursionOf<Real>, Real> {
   int eliminate(const Real* effort) {
     const Real *const m = row(mass), *const own = row(inertia), *const limit = row(least), *const signs = row(sign);
     const Real *const ownx = row(coupling_x), *const owny = row(coupling_y), *const qx = row(bias_x),
-               *const qy = row(bias_y), *const leverx = row(lever_x), *const levery = row(lever_y),
-               *const carriedx = row(carried_x), *const carriedy = row(carried_y);
-    Real *const gxs = row(row_x), *const gys = row(row_y), *const knowns = row(known), *const inverses = row(reciprocal);
+                      *const qy = row(bias_y), *const leverx = row(lever_x), *const levery = row(lever_y),
+                      *const carriedx = row(carried_x), *const carriedy = row(carried_y);
+    Real *const gxs = row(row_x), *const gys = row(row_y), *const knowns = row(known),
+                *const inverses = row(reciprocal);
     Real axx = 0.0, axy = 0.0, ayy = 0.0, cx = 0.0, cy = 0.0, bx = 0.0, by = 0.0, torque = 0.0;
     Real pivot = own[count_ - 1];
     for (int i = count_ - 1;; --i) {
@@ -124,8 +141,8 @@ class SerialRecursionOf final : public WideForm<SerialRecursionOf<Real>, Real> {
   void substitute(Real* acceleration) {
     const Real* const signs = row(sign);
     const Real *const leverx = row(lever_x), *const levery = row(lever_y), *const carriedx = row(carried_x),
-               *const carriedy = row(carried_y), *const gxs = row(row_x), *const gys = row(row_y),
-               *const knowns = row(known);
+                      *const carriedy = row(carried_y), *const gxs = row(row_x), *const gys = row(row_y),
+                      *const knowns = row(known);
     Real* const turns = row(turned);
     Real ax = -gravity_x_, ay = -gravity_y_, before = 0.0;
     for (int i = 0; i < count_; ++i) {
@@ -142,9 +159,10 @@ class SerialRecursionOf final : public WideForm<SerialRecursionOf<Real>, Real> {
   // the same factors.
   void refine(const Real* effort, Real* acceleration) {
     const Real *const m = row(mass), *const own = row(inertia), *const signs = row(sign);
-    const Real *const hx = row(coupling_x), *const hy = row(coupling_y), *const qx = row(bias_x), *const qy = row(bias_y),
-               *const sx = row(lever_x), *const sy = row(lever_y), *const kx = row(carried_x), *const ky = row(carried_y),
-               *const gx = row(row_x), *const gy = row(row_y), *const inverses = row(reciprocal);
+    const Real *const hx = row(coupling_x), *const hy = row(coupling_y), *const qx = row(bias_x),
+                      *const qy = row(bias_y), *const sx = row(lever_x), *const sy = row(lever_y),
+                      *const kx = row(carried_x), *const ky = row(carried_y), *const gx = row(row_x),
+                      *const gy = row(row_y), *const inverses = row(reciprocal);
     Real *const turns = row(turned), *const px = row(point_x), *const py = row(point_y), *const knowns = row(known);
     Real ax = -gravity_x_, ay = -gravity_y_;
     for (int i = 0; i < count_; ++i) {

@@ -48,7 +48,8 @@ inline bool needs_refinement(const Chain& chain) {
   std::vector<double> position(joints), velocity(joints), effort(joints), acceleration(joints);
   for (int trial = 0; trial < 5; ++trial) {
     for (std::size_t i = 0; i < joints; ++i) {
-      const double turn = 0.6180339887498949 * static_cast<double>((i + 1) * (trial + 1)), part = turn - std::floor(turn);
+      const double turn = 0.6180339887498949 * static_cast<double>((i + 1) * (trial + 1)),
+                   part = turn - std::floor(turn);
       position[i] = trial == 0 ? 0.0 : 2.0 * part, velocity[i] = trial == 0 ? 0.0 : 1.0 - part;
       effort[i] = trial == 0 ? 1.0 - 2.0 * part : 0.0;  // straight, it may well be in balance but for this
     }

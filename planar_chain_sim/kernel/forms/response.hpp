@@ -21,8 +21,8 @@ class Response {
   Response(const Recursion& recursion, int columns)
       : recursion_(recursion), chain_(recursion.chain()), stride_((columns + widest - 1) / widest * widest),
         columns_(static_cast<std::size_t>(chain_.joint_count) * stride_),
-        work_(chain_.links.size() * sizeof(LinkShare<Lanes<widest>>) / sizeof(double)),
-        width_(vector_widths().back()) {}
+        work_(chain_.links.size() * sizeof(LinkShare<Lanes<widest>>) / sizeof(double)), width_(vector_widths().back()) {
+  }
 
   double* row(int joint) { return &columns_[static_cast<std::size_t>(joint) * stride_]; }
 
@@ -38,15 +38,15 @@ class Response {
   }
 
  private:
-  static constexpr int widest = 8;   // numbers in a vector
+  static constexpr int widest = 8;  // numbers in a vector
 
   // What a link has of the recursion's factors, the same in every lane, and what it keeps of one block of columns.
   // Slot 0 is the base.
   template <class Real>
   struct LinkShare {
-    VecOf<Real> across, turn_row, slide_axis, slide_row;   // `across`: the lever, turned by a quarter
+    VecOf<Real> across, turn_row, slide_axis, slide_row;  // `across`: the lever, turned by a quarter
     Real sign, turn_inverse, rotor, through, slide_inverse, slide_coupling;
-    VecOf<Real> bias, linear;                              // of children that are not the next link; of its joint point
+    VecOf<Real> bias, linear;  // of children that are not the next link; of its joint point
     Real torque, turned_by, slid_by, angular;
   };
 
@@ -102,7 +102,7 @@ class Response {
 
     Vec bias;
     Real torque = 0.0;
-    for (int i = links; i >= 1; --i) {   // leaf to root
+    for (int i = links; i >= 1; --i) {  // leaf to root
       const Link& link = chain_.links[i];
       LinkShare<Real>& own = share[i];
       if (link.has_branches) bias = bias + own.bias, torque += own.torque;
@@ -133,7 +133,7 @@ class Response {
 
     Vec linear;
     Real angular = 0.0;
-    for (int i = 1; i <= links; ++i) {   // root to leaf
+    for (int i = 1; i <= links; ++i) {  // root to leaf
       const Link& link = chain_.links[i];
       LinkShare<Real>& own = share[i];
       if (link.carrier != i - 1) linear = share[link.carrier].linear, angular = share[link.carrier].angular;

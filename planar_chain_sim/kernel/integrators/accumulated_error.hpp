@@ -153,12 +153,10 @@ class AccumulatedError {
     return true;
   }
 
-  static constexpr double natural = 0.6931471805599453;   // ln 2
+  static constexpr double natural = 0.6931471805599453;  // ln 2
 
   // Of `work` ticks' work for `ticks` of the run.
-  void pay(double work, double ticks) {
-    debt_ = std::fmax(debt_ + share * work - ticks, -share);
-  }
+  void pay(double work, double ticks) { debt_ = std::fmax(debt_ + share * work - ticks, -share); }
 
   void leave_out() {
     if (gap_ == 0.0) return;
@@ -253,8 +251,7 @@ class AccumulatedError {
     const bool wrong = !(part <= wrong_part);
     int joint = 0;
     const double error = largest(joint) / most;
-    const bool again =
-        !closed_ || error > (order_ == 1 ? little_of_first_order : little) || looks_ % seldom == 0;
+    const bool again = !closed_ || error > (order_ == 1 ? little_of_first_order : little) || looks_ % seldom == 0;
     if (wrong || again)
       for (int i = 0; i < joints_; ++i) {
         from_.position[i] = here_[i], from_.velocity[i] = here_[joints_ + i];
@@ -283,7 +280,8 @@ class AccumulatedError {
     add(times_ * all / static_cast<double>(fresh_ticks_));
     if (part > large_part) ticks_ /= 2, caution_left_ = caution;
     else if (part < small_part && ticks_ < most_quick_ && caution_left_ <= 0 &&
-             2.0 * all * tick_length_ <= longest_quick) ticks_ *= 2;
+             2.0 * all * tick_length_ <= longest_quick)
+      ticks_ *= 2;
   }
 
   // Carries what is off in one step of RK4; returns the part of it that its last term is.
@@ -296,7 +294,8 @@ class AccumulatedError {
     for (int i = 0; i < joints_; ++i) start[i] = off_.position[i], start[joints_ + i] = off_.velocity[i];
     if (!tangent(here_, start, start, 0.0, one, method) || !tangent(half_way_, start, one, 0.5 * length, two, method) ||
         !tangent(half_way_, start, two, 0.5 * length, three, method) ||
-        !tangent(there_, start, three, length, four, method)) return HUGE_VAL;
+        !tangent(there_, start, three, length, four, method))
+      return HUGE_VAL;
     double last = 0.0, after = 0.0;
     for (int i = 0; i < joints_; ++i) {
       double left_over = 0.0, size = 0.0;
@@ -427,24 +426,24 @@ class AccumulatedError {
   const double tick_length_;
   const int joints_;
   const std::int64_t first_;
-  double left_ = 0.0;                      // ticks that are still followed
-  std::int64_t wait_ = 1, to_go_ = 1;      // ticks from the last look to the next, and those of them that are to come
-  std::int64_t marked_ = 1;                // to_go_ when the effort was last added
-  std::int64_t ticks_ = 1, done_ = -1;     // how many are looked at together, how many are done; -1: none has begun
-  bool quick_ = false;                     // whether by a step of the tangent
-  bool closed_ = false;                    // whether any have been looked at
+  double left_ = 0.0;                   // ticks that are still followed
+  std::int64_t wait_ = 1, to_go_ = 1;   // ticks from the last look to the next, and those of them that are to come
+  std::int64_t marked_ = 1;             // to_go_ when the effort was last added
+  std::int64_t ticks_ = 1, done_ = -1;  // how many are looked at together, how many are done; -1: none has begun
+  bool quick_ = false;                  // whether by a step of the tangent
+  bool closed_ = false;                 // whether any have been looked at
   int looks_ = 0;
   JointState from_, end_, beside_, work_;  // where they began, where longer steps lead from there, and from beside it
   JointState off_, carried_, finer_;       // what the state is off; what of it is left a way later, and by finer steps
   JointState fresh_, beside_from_;         // what fresh_ticks_ ticks are off, when that was last seen
   std::int64_t fresh_ticks_ = 1;
-  double fresh_size_ = 0.0, times_ = 1.0;  // its size, fading; how many times the last one is taken
-  std::vector<double> effort_, held_;      // the sum, then the mean; the last
+  double fresh_size_ = 0.0, times_ = 1.0;        // its size, fading; how many times the last one is taken
+  std::vector<double> effort_, held_;            // the sum, then the mean; the last
   std::vector<double> here_, half_way_, there_;  // keep()
-  std::vector<double> slopes_;             // what is off, and the tangent's slopes
-  double walked_ = 0.0, debt_ = 0.0;       // steps beside the run; ticks that are to go by for them
-  double gap_ = 0.0, growth_ = 0.0;        // ticks that go by unseen; what is off grows exp(growth_) times in a tick
-  double trusted_ = 0.0;                   // ratio up to which growth is trusted
+  std::vector<double> slopes_;                   // what is off, and the tangent's slopes
+  double walked_ = 0.0, debt_ = 0.0;             // steps beside the run; ticks that are to go by for them
+  double gap_ = 0.0, growth_ = 0.0;  // ticks that go by unseen; what is off grows exp(growth_) times in a tick
+  double trusted_ = 0.0;             // ratio up to which growth is trusted
   int trusted_for_ = 0, caution_left_ = 0;
 };
 

@@ -64,7 +64,7 @@ class AdaptiveStep : public Motion {
   double look(std::int64_t tick, double offset, double /*limit*/, const JointState& state, const double* actuator,
               bool passed, Progress& progress) override {
     prepare(static_cast<double>(tick) * tick_length_ + offset, tick, state, actuator);
-    if (steps_.length == 0.0) steps_.origin_offset = offset;   // not what is left of it in the sum
+    if (steps_.length == 0.0) steps_.origin_offset = offset;  // not what is left of it in the sum
     shown_from_ = since_origin(tick);
     if (steps_.length == 0.0 || passed || into_step(offset) >= steps_.length) {
       progress.outcome = extend(progress.joint);
@@ -75,9 +75,7 @@ class AdaptiveStep : public Motion {
     return steps_.length;
   }
 
-  double into_step(double offset) const override {
-    return ((shown_from_ + offset) - steps_.from) - steps_.from_low;
-  }
+  double into_step(double offset) const override { return ((shown_from_ + offset) - steps_.from) - steps_.from_low; }
   double behind_tick(double into) const override { return (steps_.from + into) - shown_from_; }
 
   Outcome show(double into, JointState& out, int&) override {
@@ -102,8 +100,8 @@ class AdaptiveStep : public Motion {
                                 steps_.length, steps_.proposal})
       all.push_back(number);
     const JointState& base = steps_.base;
-    for (const auto* part : {&base.position, &base.velocity, &base.position_remainder, &base.velocity_remainder,
-                             &steps_.running})
+    for (const auto* part :
+         {&base.position, &base.velocity, &base.position_remainder, &base.velocity_remainder, &steps_.running})
       all.insert(all.end(), part->begin(), part->end());
   }
 
@@ -115,12 +113,12 @@ class AdaptiveStep : public Motion {
     if (!under_way) return kept.left() == 0;
     if (!kept.whole(steps_.origin, -most, most) || !kept.at_least_zero(steps_.origin_offset) ||
         !kept.at_least_zero(steps_.from) || !kept.number(steps_.from_low) || !kept.at_least_zero(steps_.length) ||
-        !kept.number(steps_.proposal) || steps_.length == 0.0 ||
-        steps_.from + steps_.from_low != steps_.from || kept.left() != 5 * steps_.running.size())
+        !kept.number(steps_.proposal) || steps_.length == 0.0 || steps_.from + steps_.from_low != steps_.from ||
+        kept.left() != 5 * steps_.running.size())
       return false;
     JointState& base = steps_.base;
-    for (auto* part : {&base.position, &base.velocity, &base.position_remainder, &base.velocity_remainder,
-                       &steps_.running})
+    for (auto* part :
+         {&base.position, &base.velocity, &base.position_remainder, &base.velocity_remainder, &steps_.running})
       if (!kept.numbers(*part)) return false;
     steps_.under_way = true, ++number;
     const Counts counted = counts;
@@ -156,12 +154,12 @@ class AdaptiveStep : public Motion {
  private:
   // Steps that go on under one effort, up to the present one.
   struct Steps {
-    std::vector<double> running;   // the effort
-    JointState base;               // the state at `from`
-    std::int64_t origin = 0;       // tick at or behind which they began
-    double origin_offset = 0.0;    // s, how far behind
+    std::vector<double> running;                      // the effort
+    JointState base;                                  // the state at `from`
+    std::int64_t origin = 0;                          // tick at or behind which they began
+    double origin_offset = 0.0;                       // s, how far behind
     double from = 0.0, from_low = 0.0, length = 0.0;  // s from there, where the present step starts; its length
-    double proposal = 0.0;         // s, length of the next
+    double proposal = 0.0;                            // s, length of the next
     bool under_way = false;
 
     explicit Steps(int joints) : running(joints), base(joints) {}
@@ -227,7 +225,9 @@ class AdaptiveStep : public Motion {
     if (open(steps_.base, joint) != Outcome::good) return false;
     shown_from_ = since_origin(tick);
     read_from_rest(into_step(now - static_cast<double>(tick) * tick_length_), steps_.base, next_);
-    const auto near = [](double one, double other) { return std::fabs(one - other) <= 1e-9 * (1.0 + std::fabs(other)); };
+    const auto near = [](double one, double other) {
+      return std::fabs(one - other) <= 1e-9 * (1.0 + std::fabs(other));
+    };
     for (int i = 0; i < joints(); ++i)
       if (!near(next_.position[i], state.position[i]) || !near(next_.velocity[i], state.velocity[i])) return false;
     return true;
@@ -236,8 +236,8 @@ class AdaptiveStep : public Motion {
   // Whether that time is in the present step, up to rounding, and the step is not lost in rounding.
   bool covers_present(std::int64_t tick, double now) const {
     const double time = since_origin(tick) + (now - static_cast<double>(tick) * tick_length_);
-    const double slack = 16.0 * std::numeric_limits<double>::epsilon() *
-                         (std::fabs(time) + tick_length_ + steps_.origin_offset);
+    const double slack =
+        16.0 * std::numeric_limits<double>::epsilon() * (std::fabs(time) + tick_length_ + steps_.origin_offset);
     return time >= steps_.from - slack && time <= steps_.from + steps_.length + slack && 1e4 * steps_.length >= slack;
   }
 
@@ -285,7 +285,7 @@ class AdaptiveStep : public Motion {
 
   std::vector<double> most_;
   const double tick_length_;
-  Steps steps_, kept_;      // those under way; those that led to the last whole tick, where `keeping_`
+  Steps steps_, kept_;  // those under way; those that led to the last whole tick, where `keeping_`
   bool keeping_ = false;
   JointState next_;
   double shown_from_ = 0.0;

@@ -67,9 +67,7 @@ class AdaptiveRungeKutta final : public ErrorControlledStep {
     return Outcome::good;
   }
 
-  void read(double offset, const JointState& base, JointState& out) const override {
-    read(offset, base, out, nullptr);
-  }
+  void read(double offset, const JointState& base, JointState& out) const override { read(offset, base, out, nullptr); }
 
   // The second derivative of positions at the start is right to the interpolant's order only: x^2 z^2 e on top, which
   // changes nothing at the end, makes up for what h^2 y'' / 2 = t_2 + t_3 - t_1 lacks at x = 0.

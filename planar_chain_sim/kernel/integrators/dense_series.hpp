@@ -25,8 +25,14 @@ namespace planar_chain {
 // A few numbers at a time, with whatever vectors the machine has: the bits do not depend on it.
 typedef double Two __attribute__((vector_size(16), aligned(16), may_alias));
 typedef double Quad __attribute__((vector_size(32), aligned(32), may_alias));
-template <int Width> struct VectorOf { using type = Quad; };
-template <> struct VectorOf<2> { using type = Two; };
+template <int Width>
+struct VectorOf {
+  using type = Quad;
+};
+template <>
+struct VectorOf<2> {
+  using type = Two;
+};
 
 // Slides are few, one as a rule: their loops stay loops. Unrolled as far as there may be slides, each inside the next, they
 // took half of the time in which the kernel is compiled, for nothing.
@@ -40,7 +46,7 @@ template <> struct VectorOf<2> { using type = Two; };
 template <int Angles, bool Slides>
 class DenseSeries {
  public:
-  static constexpr int width = Angles <= 2 ? 2 : 4;              // of a machine's vector
+  static constexpr int width = Angles <= 2 ? 2 : 4;  // of a machine's vector
   static constexpr int lanes = (Angles + width - 1) / width * width;
   static constexpr int parts = lanes / width;
   static constexpr int most_orders = 30, most_slides = Slides ? 8 : 1;
@@ -51,18 +57,18 @@ class DenseSeries {
     Vector& operator()(int p) { return reinterpret_cast<Vector*>(of)[p]; }
     const Vector& operator()(int p) const { return reinterpret_cast<const Vector*>(of)[p]; }
   };
-  using Series = Row[most_orders + 3];         // a row for each order
-  using Numbers = double[most_slides];         // of each slide
+  using Series = Row[most_orders + 3];  // a row for each order
+  using Numbers = double[most_slides];  // of each slide
 
   // Constants of the chain. B_ij = coupling: a row for each column j, lanes i.
-  int angles = 0, slides = 0;                  // that are not idle
+  int angles = 0, slides = 0;                           // that are not idle
   int carrier[lanes] = {}, rides_on[most_slides] = {};  // the angle that carries, -1: base
   Row coupling_x[Angles] = {}, coupling_y[Angles] = {};
-  bool straight = true;                        // Im B = 0 between angles: gamma = eta = 0
-  Row weight_x = {}, weight_y = {};            // -conj(C_i) g
-  Row inertia[Angles] = {};                    // of H what does not change
+  bool straight = true;                              // Im B = 0 between angles: gamma = eta = 0
+  Row weight_x = {}, weight_y = {};                  // -conj(C_i) g
+  Row inertia[Angles] = {};                          // of H what does not change
   Row damping[Angles] = {}, stiffness[Angles] = {};  // S d S^T and S k S^T: a row for each column
-  std::vector<int> damped, sprung;             // columns that are not zero
+  std::vector<int> damped, sprung;                   // columns that are not zero
 
   // The same of slides: columns with the lanes of the angles, and between slides.
   Row slide_coupling_x[most_slides] = {}, slide_coupling_y[most_slides] = {};
@@ -79,39 +85,35 @@ class DenseSeries {
 
   // Coefficients. speed: phi'. unit: E. pull: Gamma. acceleration: (phi'')_k.
   Series speed = {}, unit_x = {}, unit_y = {}, pull_x = {}, pull_y = {}, acceleration = {};
-  Row known = {};                              // Q of joint laws and gravity, of order 0
+  Row known = {};  // Q of joint laws and gravity, of order 0
   struct SlideSeries {
-    double place[most_orders + 3] = {};        // x
+    double place[most_orders + 3] = {};                                    // x
     double unit_x[most_orders + 3] = {1.0}, unit_y[most_orders + 3] = {};  // E of the carrier
     double arm_x[most_orders + 3] = {}, arm_y[most_orders + 3] = {};       // Y
     double pull_x[most_orders + 3] = {}, pull_y[most_orders + 3] = {};     // Gamma
-    double acceleration[most_orders + 3] = {};                            // (x'')_k
-    double known = 0.0;                        // f of order 0
+    double acceleration[most_orders + 3] = {};                             // (x'')_k
+    double known = 0.0;                                                    // f of order 0
   } slide[most_slides];
 
   // Matrices of the step from orders 0 of the vectors. Returns -1, or what has no pivot: an angle, or Angles + a slide.
   PLANAR_CHAIN_INLINE int prepare() {
-    Column h[Angles], g[most_slides];          // H, column by column: of angles, of slides
+    Column h[Angles], g[most_slides];  // H, column by column: of angles, of slides
     Column arm_x[Angles], arm_y[Angles], slide_arm_x[most_slides], slide_arm_y[most_slides];
     for (int b = 0; b < Angles; ++b) {
       reach(coupling_x[b], coupling_y[b], arm_x[b], arm_y[b]);
-      if constexpr (Slides)
-        PLANAR_CHAIN_SLIDES(w)
-          reach(w, slide_coupling_x[w].of[b], -slide_coupling_y[w].of[b], arm_x[b], arm_y[b]);  // B = B*
+      if constexpr (Slides) PLANAR_CHAIN_SLIDES(w)
+      reach(w, slide_coupling_x[w].of[b], -slide_coupling_y[w].of[b], arm_x[b], arm_y[b]);  // B = B*
     }
-    if constexpr (Slides)
-      PLANAR_CHAIN_SLIDES(v) {
+    if constexpr (Slides) PLANAR_CHAIN_SLIDES(v) {
         reach(slide_coupling_x[v], slide_coupling_y[v], slide_arm_x[v], slide_arm_y[v]);
         PLANAR_CHAIN_SLIDES(w) reach(w, between_x[w][v], between_y[w][v], slide_arm_x[v], slide_arm_y[v]);
       }
     for (int j = 0; j < Angles; ++j) {
       for (int p = 0; p < parts; ++p) h[j].lane[p] = inertia[j](p);
-      if constexpr (Slides)
-        PLANAR_CHAIN_SLIDES(w) h[j].slide[w] = 0.0;
+      if constexpr (Slides) PLANAR_CHAIN_SLIDES(w) h[j].slide[w] = 0.0;
       add(arm_x[j], arm_y[j], -unit_y[0].of[j], unit_x[0].of[j], h[j]);
     }
-    if constexpr (Slides)
-      PLANAR_CHAIN_SLIDES(w) {
+    if constexpr (Slides) PLANAR_CHAIN_SLIDES(w) {
         g[w] = Column{};
         g[w].slide[w] = slide_inertia[w];
         add(slide_arm_x[w], slide_arm_y[w], slide[w].unit_x[0], slide[w].unit_y[0], g[w]);
@@ -122,19 +124,16 @@ class DenseSeries {
     if (singular >= 0) return singular;
     for (int j = 0; j < Angles; ++j)
       for (int p = 0; p < parts; ++p) inverse_[j](p) = h[j].lane[p];
-    if constexpr (Slides)
-      PLANAR_CHAIN_SLIDES(w) {
+    if constexpr (Slides) PLANAR_CHAIN_SLIDES(w) {
         for (int p = 0; p < parts; ++p) slide_inverse_[w](p) = g[w].lane[p];
         PLANAR_CHAIN_SLIDES(v) between_inverse_[w][v] = g[v].slide[w];
       }
     for (int b = 0; b < Angles; ++b) {
       answer(arm_x[b], answer_x_[b]), answer(arm_y[b], answer_y_[b]);
-      if constexpr (Slides)
-        PLANAR_CHAIN_SLIDES(w)
-          row_answer_x_[w].of[b] = answer_of_slide(w, arm_x[b]), row_answer_y_[w].of[b] = answer_of_slide(w, arm_y[b]);
+      if constexpr (Slides) PLANAR_CHAIN_SLIDES(w)
+      row_answer_x_[w].of[b] = answer_of_slide(w, arm_x[b]), row_answer_y_[w].of[b] = answer_of_slide(w, arm_y[b]);
     }
-    if constexpr (Slides)
-      PLANAR_CHAIN_SLIDES(v) {
+    if constexpr (Slides) PLANAR_CHAIN_SLIDES(v) {
         answer(slide_arm_x[v], slide_answer_x_[v]), answer(slide_arm_y[v], slide_answer_y_[v]);
         PLANAR_CHAIN_SLIDES(w) {
           between_answer_x_[w][v] = answer_of_slide(w, slide_arm_x[v]);
@@ -152,12 +151,12 @@ class DenseSeries {
       const Row *rate = &speed[1], *ex = &unit_x[k], *ey = &unit_y[k];  // sum over m <= k of speed_m unit_(k+1-m)
       const Row *zx = &unit_x[2], *zy = &unit_y[2], *gx = &pull_x[k] - 2, *gy = &pull_y[k] - 2;
       for (int m = 1; m < k; ++m, ++rate, --ex, --ey, ++zx, ++zy, --gx, --gy)
-        for (int p = 0; p < parts; ++p) {      // sum over m = 1 .. k of (j E_m) . Gamma_(k-m)
+        for (int p = 0; p < parts; ++p) {  // sum over m = 1 .. k of (j E_m) . Gamma_(k-m)
           turn_x[p] += (*rate)(p) * (*ex)(p), turn_y[p] += (*rate)(p) * (*ey)(p);
           torque[p] += (*zx)(p) * (*gy)(p), against[p] += (*zy)(p) * (*gx)(p);
         }
     }
-    Row bend_x, bend_y, balance;               // E'' as far as it is known, Q less what is known of the left side
+    Row bend_x, bend_y, balance;  // E'' as far as it is known, Q less what is known of the left side
     const double order = k + 1;
     for (int p = 0; p < parts; ++p) {
       Vector rest = torque[p] - against[p];
@@ -171,8 +170,7 @@ class DenseSeries {
     }
     if (k > 0 && !(damped.empty() && sprung.empty())) add_laws(k, reciprocal[k], balance);
     Known of[most_slides];
-    if constexpr (Slides)
-      PLANAR_CHAIN_SLIDES(w) of[w] = known_of(w, k, bend_x, bend_y);
+    if constexpr (Slides) PLANAR_CHAIN_SLIDES(w) of[w] = known_of(w, k, bend_x, bend_y);
     if (k > 0 && !pushes.empty()) push_joints(k, balance, of);
 
     for (int p = 0; p < parts; ++p) {
@@ -180,8 +178,7 @@ class DenseSeries {
       multiply(inverse_, balance, p, more);
       multiply(answer_x_, bend_x, p, less), multiply(answer_y_, bend_y, p, across);
       less += across;
-      if constexpr (Slides)
-        PLANAR_CHAIN_SLIDES(w) {
+      if constexpr (Slides) PLANAR_CHAIN_SLIDES(w) {
           more += slide_inverse_[w](p) * of[w].balance;
           less += slide_answer_x_[w](p) * of[w].bend_x + slide_answer_y_[w](p) * of[w].bend_y;
           if (rides_on[w] >= 0) more += inverse_[rides_on[w]](p) * of[w].torque;
@@ -197,8 +194,7 @@ class DenseSeries {
       unit_x[k + 2](p) = -turn_y[p] * reciprocal[k + 2], unit_y[k + 2](p) = turn_x[p] * reciprocal[k + 2];
       bend_x(p) = -order * turn_y[p], bend_y(p) = order * turn_x[p];
     }
-    if constexpr (Slides)
-      PLANAR_CHAIN_SLIDES(w) move(w, k, reciprocal, of[w]);
+    if constexpr (Slides) PLANAR_CHAIN_SLIDES(w) move(w, k, reciprocal, of[w]);
 
     for (int p = 0; p < parts; ++p) {
       Vector x, y;
@@ -209,27 +205,25 @@ class DenseSeries {
         x -= minus, y += plus;
       }
       if (k == 0) x += weight_x(p), y += weight_y(p);
-      if constexpr (Slides)
-        PLANAR_CHAIN_SLIDES(w) {
+      if constexpr (Slides) PLANAR_CHAIN_SLIDES(w) {
           x += slide_coupling_x[w](p) * of[w].bend_x - slide_coupling_y[w](p) * of[w].bend_y;
           y += slide_coupling_x[w](p) * of[w].bend_y + slide_coupling_y[w](p) * of[w].bend_x;
         }
       pull_x[k](p) = x, pull_y[k](p) = y;
     }
-    if constexpr (Slides)
-      PLANAR_CHAIN_SLIDES(w) pull(w, k, of, bend_x, bend_y);
+    if constexpr (Slides) PLANAR_CHAIN_SLIDES(w) pull(w, k, of, bend_x, bend_y);
     if (!pushes.empty()) push_vectors(k);
   }
 
  private:
-  struct Column {                              // of a matrix: a number for each angle and each slide
+  struct Column {  // of a matrix: a number for each angle and each slide
     Vector lane[parts];
     Numbers slide;
   };
-  struct Known {                               // of a slide at one order
-    double arm_x, arm_y;                       // Y without its newest terms
-    double bend_x, bend_y;                     // Y''
-    double balance, torque;                    // force along the slide; torque that moves on to the carrier
+  struct Known {             // of a slide at one order
+    double arm_x, arm_y;     // Y without its newest terms
+    double bend_x, bend_y;   // Y''
+    double balance, torque;  // force along the slide; torque that moves on to the carrier
   };
 
   static double sum(const Vector& of) {
@@ -271,8 +265,7 @@ class DenseSeries {
 
   PLANAR_CHAIN_INLINE void add(const Column& arm_x, const Column& arm_y, double x, double y, Column& sum) const {
     for (int p = 0; p < parts; ++p) sum.lane[p] += arm_x.lane[p] * x + arm_y.lane[p] * y;
-    if constexpr (Slides)
-      PLANAR_CHAIN_SLIDES(w) sum.slide[w] += arm_x.slide[w] * x + arm_y.slide[w] * y;
+    if constexpr (Slides) PLANAR_CHAIN_SLIDES(w) sum.slide[w] += arm_x.slide[w] * x + arm_y.slide[w] * y;
   }
 
   // Gauss and Jordan, slides first, then angles from the leaves, in registers; with the guard of equations.md 7.
@@ -288,7 +281,7 @@ class DenseSeries {
         g[w].slide[w] = 1.0;
         scale(g[w], 1.0 / pivot);
         PLANAR_CHAIN_SLIDES(v)
-          if (v != w) eliminate(g[w], g[v], g[v].slide[w]);
+        if (v != w) eliminate(g[w], g[v], g[v].slide[w]);
         for (int j = 0; j < Angles; ++j) eliminate(g[w], h[j], h[j].slide[w]);
       }
     }
@@ -302,16 +295,14 @@ class DenseSeries {
 #pragma GCC unroll 8
       for (int i = 0; i < Angles; ++i)
         if (i != k) eliminate(h[k], h[i], h[i].lane[k / width][k % width]);
-      if constexpr (Slides)
-        PLANAR_CHAIN_SLIDES(w) eliminate(h[k], g[w], g[w].lane[k / width][k % width]);
+      if constexpr (Slides) PLANAR_CHAIN_SLIDES(w) eliminate(h[k], g[w], g[w].lane[k / width][k % width]);
     }
     return -1;
   }
 
   PLANAR_CHAIN_INLINE void scale(Column& column, double factor) const {
     for (int p = 0; p < parts; ++p) column.lane[p] *= factor;
-    if constexpr (Slides)
-      PLANAR_CHAIN_SLIDES(w) column.slide[w] *= factor;
+    if constexpr (Slides) PLANAR_CHAIN_SLIDES(w) column.slide[w] *= factor;
   }
 
   // Takes the pivot's column out of another, `entry` of which stands in the pivot's row.
@@ -320,8 +311,7 @@ class DenseSeries {
     const double factor = entry;
     entry = 0.0;
     for (int p = 0; p < parts; ++p) other.lane[p] -= factor * pivot.lane[p];
-    if constexpr (Slides)
-      PLANAR_CHAIN_SLIDES(w) other.slide[w] -= factor * pivot.slide[w];
+    if constexpr (Slides) PLANAR_CHAIN_SLIDES(w) other.slide[w] -= factor * pivot.slide[w];
   }
 
   // The inverse of H times an arm: its angles, and one of its slides, whose row is its column.
@@ -330,8 +320,7 @@ class DenseSeries {
       Vector sum = {};
 #pragma GCC unroll 8
       for (int l = 0; l < Angles; ++l) sum += inverse_[l](p) * arm.lane[l / width][l % width];
-      if constexpr (Slides)
-        PLANAR_CHAIN_SLIDES(w) sum += slide_inverse_[w](p) * arm.slide[w];
+      if constexpr (Slides) PLANAR_CHAIN_SLIDES(w) sum += slide_inverse_[w](p) * arm.slide[w];
       out(p) = sum;
     }
   }
@@ -361,11 +350,12 @@ class DenseSeries {
     for (const Push& push : pushes) {
       const double ex = push_x(push, k), ey = push_y(push, k);
       for (int p = 0; p < parts; ++p)
-        balance(p) += unit_x[0](p) * (push.x(p) * ey + push.y(p) * ex) - unit_y[0](p) * (push.x(p) * ex - push.y(p) * ey);
-      if constexpr (Slides)
-        PLANAR_CHAIN_SLIDES(w) {
+        balance(p) +=
+            unit_x[0](p) * (push.x(p) * ey + push.y(p) * ex) - unit_y[0](p) * (push.x(p) * ex - push.y(p) * ey);
+      if constexpr (Slides) PLANAR_CHAIN_SLIDES(w) {
           const SlideSeries& s = slide[w];
-          const double fx = push.slide_x[w] * ex - push.slide_y[w] * ey, fy = push.slide_x[w] * ey + push.slide_y[w] * ex;
+          const double fx = push.slide_x[w] * ex - push.slide_y[w] * ey,
+                       fy = push.slide_x[w] * ey + push.slide_y[w] * ex;
           of[w].balance += s.unit_x[0] * fx + s.unit_y[0] * fy;
           of[w].torque += s.arm_x[0] * fy - s.arm_y[0] * fx;
         }
@@ -380,8 +370,7 @@ class DenseSeries {
         pull_x[k](p) -= push.x(p) * ex - push.y(p) * ey;
         pull_y[k](p) -= push.x(p) * ey + push.y(p) * ex;
       }
-      if constexpr (Slides)
-        PLANAR_CHAIN_SLIDES(w) {
+      if constexpr (Slides) PLANAR_CHAIN_SLIDES(w) {
           slide[w].pull_x[k] -= push.slide_x[w] * ex - push.slide_y[w] * ey;
           slide[w].pull_y[k] -= push.slide_x[w] * ey + push.slide_y[w] * ex;
         }
@@ -395,11 +384,11 @@ class DenseSeries {
     double force = 0.0;
     if (const int i = rides_on[w]; i >= 0) {
       double along[2] = {}, across[2] = {};
-      for (int m = 1; m <= k; ++m) {           // sums over m = 1 .. k of E_m . Gamma_(k-m) and (j Y_m) . Gamma_(k-m)
+      for (int m = 1; m <= k; ++m) {  // sums over m = 1 .. k of E_m . Gamma_(k-m) and (j Y_m) . Gamma_(k-m)
         along[0] += s.unit_x[m] * s.pull_x[k - m], along[1] += s.unit_y[m] * s.pull_y[k - m];
         across[0] += s.arm_x[m] * s.pull_y[k - m], across[1] += s.arm_y[m] * s.pull_x[k - m];
       }
-      for (int m = 1; m <= k + 1; ++m)         // sum over m = 1 .. k + 1 of x_m E_(k+2-m)
+      for (int m = 1; m <= k + 1; ++m)  // sum over m = 1 .. k + 1 of x_m E_(k+2-m)
         out.arm_x += s.place[m] * s.unit_x[k + 2 - m], out.arm_y += s.place[m] * s.unit_y[k + 2 - m];
       force = along[0] + along[1], out.torque = across[1] - across[0];
       const double factor = (k + 1) * (k + 2);
@@ -416,8 +405,8 @@ class DenseSeries {
                                              const Row& balance) const {
     double total = 0.0;
     for (int p = 0; p < parts; ++p)
-      total += sum(slide_inverse_[w](p) * balance(p) -
-                   (row_answer_x_[w](p) * bend_x(p) + row_answer_y_[w](p) * bend_y(p)));
+      total +=
+          sum(slide_inverse_[w](p) * balance(p) - (row_answer_x_[w](p) * bend_x(p) + row_answer_y_[w](p) * bend_y(p)));
     PLANAR_CHAIN_SLIDES(v) {
       total += between_inverse_[w][v] * of[v].balance -
                (between_answer_x_[w][v] * of[v].bend_x + between_answer_y_[w][v] * of[v].bend_y);

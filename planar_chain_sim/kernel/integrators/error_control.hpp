@@ -17,9 +17,9 @@ class ErrorControlledStep : public AdaptiveStep {
   // `fixed`: s, length of every step, 0: by tolerance.
   ErrorControlledStep(const Chain& chain, Form& form, const JointForces& forces, int order, double tick_length,
                       double tolerance, double fixed, int rows, int slope)
-      : AdaptiveStep(forces, chain, tick_length), joints_(chain.joint_count), tolerance_(tolerance),
-        fixed_(fixed), stages_(chain, form, forces, rows), end_(joints_), order_(order), slope_(slope),
-        towards_slope_({1.0}, 1, 0), trial_(2 * static_cast<std::size_t>(joints_)) {
+      : AdaptiveStep(forces, chain, tick_length), joints_(chain.joint_count), tolerance_(tolerance), fixed_(fixed),
+        stages_(chain, form, forces, rows), end_(joints_), order_(order), slope_(slope), towards_slope_({1.0}, 1, 0),
+        trial_(2 * static_cast<std::size_t>(joints_)) {
     towards_slope_.stage[0] = slope;
   }
 
@@ -57,8 +57,8 @@ class ErrorControlledStep : public AdaptiveStep {
   const int joints_;
   const double tolerance_, fixed_;
   Stages stages_;
-  JointState end_;        // where the step leads
-  double length_ = 0.0;   // of the step
+  JointState end_;       // where the step leads
+  double length_ = 0.0;  // of the step
 
  private:
   Outcome expand(const JointState& base, const double* actuator, double& length, double& proposal, int& joint,

@@ -78,7 +78,7 @@ class FixedStep : public Motion {
   Outcome show(double into, JointState& out, int& joint) override {
     if (into == ahead_) return out = next_, joint = joint_ahead_, outcome_ahead_;
     if (into == 0.0) return out = from_, Outcome::good;
-    ++counts.rejected_steps;   // one of these takes the place of the whole step
+    ++counts.rejected_steps;  // one of these takes the place of the whole step
     return step(from_, actuator_.data(), into, out, joint);
   }
 
@@ -86,7 +86,8 @@ class FixedStep : public Motion {
 
  protected:
   // One step of `length` s.
-  virtual Outcome step(const JointState& state, const double* actuator, double length, JointState& next, int& joint) = 0;
+  virtual Outcome step(const JointState& state, const double* actuator, double length, JointState& next,
+                       int& joint) = 0;
 
   // Accelerations at a state; -1, or the joint whose pivot vanished. Nothing is counted.
   virtual int accelerate(const JointState& state, const double* actuator, double* acceleration) = 0;
@@ -143,7 +144,7 @@ class FixedStep : public Motion {
   // Of the step from `state` to next_ that tick `tick` begins with.
   Outcome judge(std::int64_t tick, double length, const JointState& state, const double* actuator, int& joint) {
     if (most_error_rate_ == 0.0) return Outcome::good;
-    int suspect = 0, violent = 0;   // of either sign, counted without branches
+    int suspect = 0, violent = 0;  // of either sign, counted without branches
     for (std::size_t i = 0; i < state.velocity.size(); ++i) {
       const double jump = (next_.velocity[i] - state.velocity[i]) * length;
       suspect |= jump * jump > suspect_jump * suspect_jump;
@@ -186,14 +187,14 @@ class FixedStep : public Motion {
   const double most_error_rate_;
   JointState next_, half_, halves_, from_;
   std::vector<double> actuator_;
-  std::int64_t suspected_ = -8;    // tick at which a jump was last looked at
-  double suspected_jump_ = 0.0;    // rad/s or m/s
+  std::int64_t suspected_ = -8;  // tick at which a jump was last looked at
+  double suspected_jump_ = 0.0;  // rad/s or m/s
   double offset_ = 0.0, ahead_ = 0.0;
   Outcome outcome_ahead_ = Outcome::good;
   int joint_ahead_ = -1;
   AccumulatedError accumulated_;
-  std::vector<double> first_;      // accelerations, where the step has not left them
-  std::int64_t compared_ = -1;     // tick at which half steps were taken last
+  std::vector<double> first_;   // accelerations, where the step has not left them
+  std::int64_t compared_ = -1;  // tick at which half steps were taken last
 };
 
 }  // namespace planar_chain

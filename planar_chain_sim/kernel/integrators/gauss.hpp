@@ -18,15 +18,12 @@ namespace planar_chain {
 
 class Gauss final : public FixedStep {
  public:
-  Gauss(const Chain& chain, Form& form, const JointForces& forces, const Tableau& tableau, int order,
-        double step)
+  Gauss(const Chain& chain, Form& form, const JointForces& forces, const Tableau& tableau, int order, double step)
       : FixedStep(forces, chain.joint_count, order, step, 0.0), form_(form), right_hand_side_(chain, forces),
-        length_(step),
-        joints_(chain.joint_count),
-        stages_(tableau.stages), a_(tableau.a), b_(tableau.b), a_position_(a_.size()), b_position_(b_.size()),
-        node_(b_.size()), accelerations_(static_cast<std::size_t>(stages_) * joints_), held_(joints_),
-        past_(2 * accelerations_.size()), position_(joints_), way_(joints_), velocity_(joints_),
-        acceleration_(joints_) {
+        length_(step), joints_(chain.joint_count), stages_(tableau.stages), a_(tableau.a), b_(tableau.b),
+        a_position_(a_.size()), b_position_(b_.size()), node_(b_.size()),
+        accelerations_(static_cast<std::size_t>(stages_) * joints_), held_(joints_), past_(2 * accelerations_.size()),
+        position_(joints_), way_(joints_), velocity_(joints_), acceleration_(joints_) {
     for (int i = 0; i < stages_; ++i)
       for (int l = 0; l < stages_; ++l) {
         node_[i] += a_[i * stages_ + l];

@@ -29,13 +29,15 @@ class HermiteStep {
       const double rise = (v1 - v0) + (to_.velocity_remainder[i] - from_.velocity_remainder[i]) - h * a0;
       const double bend = h * (a1 - a0);
       const double cube = x * x * x;
-      const double moved = into * (v0 + 0.5 * into * a0) +
-                           cube * ((10.0 * way - 4.0 * h * rise + 0.5 * h * bend) +
-                                   x * ((-15.0 * way + 7.0 * h * rise - h * bend) +
-                                        x * (6.0 * way - 3.0 * h * rise + 0.5 * h * bend)));
+      const double moved =
+          into * (v0 + 0.5 * into * a0) +
+          cube * ((10.0 * way - 4.0 * h * rise + 0.5 * h * bend) +
+                  x * ((-15.0 * way + 7.0 * h * rise - h * bend) + x * (6.0 * way - 3.0 * h * rise + 0.5 * h * bend)));
       const double risen = into * a0 + x * x * ((3.0 * rise - bend) + x * (bend - 2.0 * rise));
-      add_compensated(from_.position[i], from_.position_remainder[i], moved, out.position[i], out.position_remainder[i]);
-      add_compensated(from_.velocity[i], from_.velocity_remainder[i], risen, out.velocity[i], out.velocity_remainder[i]);
+      add_compensated(from_.position[i], from_.position_remainder[i], moved, out.position[i],
+                      out.position_remainder[i]);
+      add_compensated(from_.velocity[i], from_.velocity_remainder[i], risen, out.velocity[i],
+                      out.velocity_remainder[i]);
     }
   }
 

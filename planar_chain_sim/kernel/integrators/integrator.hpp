@@ -49,8 +49,8 @@ class EventDriven;
 class Integrator {
  public:
   Counts counts;
-  CoarseStep coarse;           // the first one
-  bool asked = true;           // whether anybody asks for it
+  CoarseStep coarse;  // the first one
+  bool asked = true;  // whether anybody asks for it
 
   virtual ~Integrator() = default;
 

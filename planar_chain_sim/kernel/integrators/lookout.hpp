@@ -59,7 +59,7 @@ class Lookout {
   std::function<bool()> ask_;
   std::int64_t left_ = most_work, work_ = most_work;  // units until the next look; between two looks
   Clock::time_point looked_, ask_at_;
-  bool stopped_ = false, timed_ = false;              // the last: whether looked_ is of this call
+  bool stopped_ = false, timed_ = false;  // the last: whether looked_ is of this call
 };
 
 }  // namespace planar_chain

@@ -64,10 +64,8 @@ inline const char* misfit(const MethodData& data) {
       if (!std::isfinite(number)) return "tableau";
   const bool square = stages > 0 && size(t.a) == stages * stages && size(t.b) == stages;
   switch (data.family) {
-    case Family::semi_implicit:
-      return data.adaptive ? "adaptive" : nullptr;
-    case Family::gauss:
-      return data.adaptive ? "adaptive" : square ? nullptr : "tableau";
+    case Family::semi_implicit: return data.adaptive ? "adaptive" : nullptr;
+    case Family::gauss: return data.adaptive ? "adaptive" : square ? nullptr : "tableau";
     case Family::taylor:
       if (!data.adaptive) return "adaptive";
       return data.order < (data.fixed > 0.0 ? 2 : least_free_order) ? "order" : nullptr;
@@ -75,7 +73,7 @@ inline const char* misfit(const MethodData& data) {
       if (!data.adaptive) return "adaptive";
       if (!(std::isfinite(t.gamma) && t.gamma > 0.0)) return "gamma";
       return square && size(t.c) == stages * stages && size(t.error) == stages && size(t.dense) % stages == 0 &&
-                     size(t.dense) >= 2 * stages   // read_from_rest() reads two rows
+                     size(t.dense) >= 2 * stages  // read_from_rest() reads two rows
                  ? nullptr
                  : "tableau";
     case Family::explicit_runge_kutta:
@@ -97,7 +95,7 @@ inline const char* misfit(const MethodData& data) {
 // The first of `Sizes`, rising, that the chain's angles fit into.
 template <bool Slides, int... Sizes>
 std::unique_ptr<Motion> make_taylor_dense(const MethodData& data, const Chain& chain, const JointForces& forces,
-                                              double step, int angles) {
+                                          double step, int angles) {
   std::unique_ptr<Motion> made;
   const auto make = [&](auto size) {
     if (made == nullptr && angles <= size)
@@ -107,8 +105,8 @@ std::unique_ptr<Motion> make_taylor_dense(const MethodData& data, const Chain& c
   return made;
 }
 
-inline std::unique_ptr<Motion> make_taylor(const MethodData& data, const Chain& chain,
-                                            const JointForces& forces, double step, bool unrolled) {
+inline std::unique_ptr<Motion> make_taylor(const MethodData& data, const Chain& chain, const JointForces& forces,
+                                           double step, bool unrolled) {
   if (!unrolled || chain.joint_count > most_unrolled_series)
     return std::make_unique<TaylorRecursive>(chain, forces, step, data.order, data.tolerance, data.fixed);
   int angles = 0;
@@ -118,16 +116,14 @@ inline std::unique_ptr<Motion> make_taylor(const MethodData& data, const Chain& 
 }
 
 inline std::unique_ptr<Motion> make_motion(const MethodData& data, const Chain& chain, Form& form,
-                                                const JointForces& forces, double step, bool dense) {
+                                           const JointForces& forces, double step, bool dense) {
   switch (data.family) {
-    case Family::taylor:
-      return make_taylor(data, chain, forces, step, dense);
-    case Family::semi_implicit:
-      return std::make_unique<SemiImplicitEuler>(chain, form, forces, step);
-    case Family::gauss:
-      return std::make_unique<Gauss>(chain, form, forces, data.tableau, data.order, step);
+    case Family::taylor: return make_taylor(data, chain, forces, step, dense);
+    case Family::semi_implicit: return std::make_unique<SemiImplicitEuler>(chain, form, forces, step);
+    case Family::gauss: return std::make_unique<Gauss>(chain, form, forces, data.tableau, data.order, step);
     case Family::rosenbrock:
-      return std::make_unique<Rosenbrock>(chain, form, forces, data.tableau, data.order, step, data.tolerance, data.fixed);
+      return std::make_unique<Rosenbrock>(chain, form, forces, data.tableau, data.order, step, data.tolerance,
+                                          data.fixed);
     case Family::explicit_runge_kutta:
       if (data.adaptive)
         return std::make_unique<AdaptiveRungeKutta>(chain, form, forces, data.tableau, data.order, step, data.tolerance,

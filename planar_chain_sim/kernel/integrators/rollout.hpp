@@ -23,8 +23,8 @@ struct Record {  // where states and efforts go, row by row; null pointers: nowh
 // Advances up to `ticks` ticks of `step` s from `tick`, or from `now` behind it, and stops before the first one that
 // fails or is interrupted; `effort` keeps what the actuators did last.
 inline Progress roll(Integrator& integrator, const JointForces& forces, JointState& state, double step, double now,
-                     std::int64_t tick, std::int64_t ticks, Efforts efforts, const Record& record, std::vector<double>& effort,
-                     std::vector<double>& latched) {
+                     std::int64_t tick, std::int64_t ticks, Efforts efforts, const Record& record,
+                     std::vector<double>& effort, std::vector<double>& latched) {
   const std::size_t joints = effort.size();
   const std::size_t bytes = joints * sizeof(double);
   const bool tick_by_tick = efforts.stride != 0 || record.position != nullptr;
@@ -36,8 +36,8 @@ inline Progress roll(Integrator& integrator, const JointForces& forces, JointSta
       forces.clamp(latched.data());
     }
     const std::int64_t at = tick + progress.ticks;
-    const Progress part = integrator.advance(k == 0 ? now : static_cast<double>(at) * step, at, tick_by_tick ? 1 : ticks,
-                                             state, latched.data());
+    const Progress part = integrator.advance(k == 0 ? now : static_cast<double>(at) * step, at,
+                                             tick_by_tick ? 1 : ticks, state, latched.data());
     progress.ticks += part.ticks, progress.outcome = part.outcome, progress.joint = part.joint;
     if (part.ticks > 0) effort = latched;
     if (part.outcome != Outcome::good) break;

@@ -22,7 +22,8 @@ class Rosenbrock final : public ErrorControlledStep {
  public:
   Rosenbrock(const Chain& chain, Form& form, const JointForces& forces, const Tableau& tableau, int order,
              double tick_length, double tolerance, double fixed)
-      : ErrorControlledStep(chain, form, forces, order, tick_length, tolerance, fixed, tableau.stages + 1, tableau.stages),
+      : ErrorControlledStep(chain, form, forces, order, tick_length, tolerance, fixed, tableau.stages + 1,
+                            tableau.stages),
         stage_count_(tableau.stages), gamma_(tableau.gamma), a_(rows_of(tableau.a, tableau.stages)),
         c_(rows_of(tableau.c, tableau.stages)), error_(rows_of(tableau.error, tableau.stages)),
         dense_(rows_of(tableau.dense, tableau.stages)), b_(tableau.b, tableau.stages, 0), jacobian_(chain, forces),
@@ -33,8 +34,7 @@ class Rosenbrock final : public ErrorControlledStep {
   Outcome begin(const JointState& base, bool /*continued*/, int& joint) override {
     double* slope = stages_.row(stage_count_);
     const Outcome outcome = evaluate(base, 0.0, nothing_, slope, joint);
-    if (outcome == Outcome::good)
-      jacobian_.compute(base.position.data(), base.velocity.data(), slope + joints_);
+    if (outcome == Outcome::good) jacobian_.compute(base.position.data(), base.velocity.data(), slope + joints_);
     return outcome;
   }
 
@@ -71,9 +71,7 @@ class Rosenbrock final : public ErrorControlledStep {
     return Outcome::good;
   }
 
-  void read(double offset, const JointState& base, JointState& out) const override {
-    read(offset, base, out, nullptr);
-  }
+  void read(double offset, const JointState& base, JointState& out) const override { read(offset, base, out, nullptr); }
 
   // The interpolant's own derivative at the start is right to its order only. So it gets x z^2 d on top, and positions
   // x^2 z^2 e, which change nothing at the end: d and e make up for what h y' and h^2 y'' / 2 lack at x = 0.
@@ -95,7 +93,7 @@ class Rosenbrock final : public ErrorControlledStep {
       if (slope == nullptr) continue;
       const double lacks = length_ * slope[i] - (terms_[0][i] + terms_[1][i]);
       moved_[i] += x * z * z * lacks;
-      if (i >= joints_) continue;   // x^2: (t_2 - t_1) - 2 d
+      if (i >= joints_) continue;  // x^2: (t_2 - t_1) - 2 d
       const double bends = 0.5 * length_ * length_ * slope[joints_ + i] - (terms_[2][i] - terms_[1][i] - 2.0 * lacks);
       moved_[i] += x * x * z * z * bends;
     }
@@ -107,8 +105,8 @@ class Rosenbrock final : public ErrorControlledStep {
     const double *r = right_.data(), *s = r + joints_;
     double *p = u, *w = u + joints_;
     for (int i = 0; i < joints_; ++i) {
-      const double *mass = &jacobian_.mass[static_cast<std::size_t>(i) * joints_];
-      const double *stiffness = &jacobian_.by_position[static_cast<std::size_t>(i) * joints_];
+      const double* mass = &jacobian_.mass[static_cast<std::size_t>(i) * joints_];
+      const double* stiffness = &jacobian_.by_position[static_cast<std::size_t>(i) * joints_];
       double sum = 0.0;
       for (int j = 0; j < joints_; ++j) sum += mass[j] * s[j] - reach * (stiffness[j] * r[j]);
       w[i] = reach * sum;

@@ -26,8 +26,7 @@ class Taylor : public AdaptiveStep {
   Taylor(const Chain& chain, const JointForces& forces, double tick_length, int order, double tolerance, double fixed)
       : AdaptiveStep(forces, chain, tick_length), order_(order), joints_(chain.joint_count),
         stride_((joints_ + 3) / 4 * 4), velocity_(static_cast<std::size_t>(order + 1) * stride_), effort_(joints_),
-        inverse_(order + 3), right_hand_side_(chain, forces),
-        log_tolerance_(rough_log2(tolerance)), fixed_(fixed) {
+        inverse_(order + 3), right_hand_side_(chain, forces), log_tolerance_(rough_log2(tolerance)), fixed_(fixed) {
     for (int k = 1; k < order + 3; ++k) inverse_[k] = 1.0 / k;
   }
 

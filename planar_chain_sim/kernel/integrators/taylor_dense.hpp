@@ -101,24 +101,24 @@ class TaylorDense final : public Taylor {
       std::vector<Complex>& arm = arms_[k] = arms_[link.carrier];
       if (const int p = angle_[link.carrier]; p >= 0) arm[p] += Complex(link.offset_x, link.offset_y);
       if (link.slides()) arm[s.angles + slide_[k]] += Complex(link.axis_x, link.axis_y);
-      std::vector<Complex> reach(count);       // m_k C_ak
+      std::vector<Complex> reach(count);  // m_k C_ak
       const int own = angle_[k];
       const Complex moment(link.moment_x, link.moment_y);
       for (int a = 0; a < count; ++a) reach[a] = link.mass * arm[a] + (a == own ? moment : 0.0);
       for (int a = 0; a < count; ++a) {
         weight[a] -= std::conj(reach[a]) * gravity;
-        for (int b = 0; b < count; ++b)        // m_k conj(C_ak) C_bk but for m_k |c_k|^2, which is in J_k
+        for (int b = 0; b < count; ++b)  // m_k conj(C_ak) C_bk but for m_k |c_k|^2, which is in J_k
           coupling[a][b] += std::conj(arm[a]) * reach[b] + (a == own ? std::conj(moment) * arm[b] : 0.0);
       }
       if (own >= 0) s.inertia[own].of[own] += link.inertia;
-      if (link.turns()) {                // S I_a S^T
+      if (link.turns()) {  // S I_a S^T
         s.inertia[own].of[own] += link.rotor;
         if (const int p = s.carrier[own]; p >= 0)
           s.inertia[p].of[p] += link.rotor, s.inertia[p].of[own] -= link.rotor, s.inertia[own].of[p] -= link.rotor;
       }
       if (link.slides()) s.slide_inertia[slide_[k]] += link.slide_armature;
     }
-    for (int a = 0; a < s.angles; ++a) {       // |C_aa|^2 turns with nothing
+    for (int a = 0; a < s.angles; ++a) {  // |C_aa|^2 turns with nothing
       s.inertia[a].of[a] += coupling[a][a].real(), coupling[a][a] = 0.0;
       s.weight_x.of[a] = weight[a].real(), s.weight_y.of[a] = weight[a].imag();
     }
@@ -126,7 +126,8 @@ class TaylorDense final : public Taylor {
       for (int a = 0; a < count; ++a) {
         const double re = coupling[a][b].real(), im = coupling[a][b].imag();
         const int v = a - s.angles, w = b - s.angles;
-        if (v < 0 && w < 0) s.coupling_x[b].of[a] = re, s.coupling_y[b].of[a] = im, s.straight = s.straight && im == 0.0;
+        if (v < 0 && w < 0)
+          s.coupling_x[b].of[a] = re, s.coupling_y[b].of[a] = im, s.straight = s.straight && im == 0.0;
         if (v < 0 && w >= 0) s.slide_coupling_x[w].of[a] = re, s.slide_coupling_y[w].of[a] = im;
         if (v >= 0 && w >= 0) s.between_x[v][w] = re, s.between_y[v][w] = im;
       }
@@ -148,8 +149,10 @@ class TaylorDense final : public Taylor {
       }
     };
     forces_.each_smooth([&](const auto& law) {
-      if constexpr (std::decay_t<decltype(law)>::of_velocity) add(s.damping, s.slide_damping, law.joint, -law.by_velocity());
-      if constexpr (std::decay_t<decltype(law)>::of_position) add(s.stiffness, s.slide_stiffness, law.joint, -law.by_position());
+      if constexpr (std::decay_t<decltype(law)>::of_velocity)
+        add(s.damping, s.slide_damping, law.joint, -law.by_velocity());
+      if constexpr (std::decay_t<decltype(law)>::of_position)
+        add(s.stiffness, s.slide_stiffness, law.joint, -law.by_position());
     });
     for (int j = 0; j < s.angles; ++j) {
       if (s.damping[j].of[j] != 0.0) s.damped.push_back(j);
@@ -219,7 +222,8 @@ class TaylorDense final : public Taylor {
       for (int w = 0; w < s.slides; ++w) {
         auto& of = s.slide[w];
         of.known = effort_[slide_joint_[w]] - (of.unit_x[0] * s.slide_weight_x[w] + of.unit_y[0] * s.slide_weight_y[w]);
-        if (s.rides_on[w] >= 0) known[s.rides_on[w]] -= of.arm_x[0] * s.slide_weight_y[w] - of.arm_y[0] * s.slide_weight_x[w];
+        if (s.rides_on[w] >= 0)
+          known[s.rides_on[w]] -= of.arm_x[0] * s.slide_weight_y[w] - of.arm_y[0] * s.slide_weight_x[w];
       }
     for (int i = 0; i < s.angles; ++i) s.known.of[i] = known[i];
   }

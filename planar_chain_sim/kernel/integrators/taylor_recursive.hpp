@@ -60,7 +60,9 @@ class TaylorRecursive final : public Taylor {
         : link(index), place(order + 3), arm_x(order + 3), arm_y(order + 3), force_x(order + 1), force_y(order + 1) {}
   };
 
-  static AlignedVector<double> rows(int orders, int lanes) { return AlignedVector<double>(std::size_t(orders) * lanes); }
+  static AlignedVector<double> rows(int orders, int lanes) {
+    return AlignedVector<double>(std::size_t(orders) * lanes);
+  }
   double* row(AlignedVector<double>& series, int k) { return &series[static_cast<std::size_t>(k) * lanes_]; }
 
   // Coefficients of order 0, and E_1.
@@ -132,8 +134,8 @@ class TaylorRecursive final : public Taylor {
       double torque = 0.0, force = 0.0;
       for (int m = 0; m <= k; ++m) {
         torque += slide.arm_x[m] * slide.force_y[k - m] - slide.arm_y[m] * slide.force_x[k - m];
-        force += row(unit_x_, m)[link.carrier] * slide.force_x[k - m] +
-                 row(unit_y_, m)[link.carrier] * slide.force_y[k - m];
+        force +=
+            row(unit_x_, m)[link.carrier] * slide.force_x[k - m] + row(unit_y_, m)[link.carrier] * slide.force_y[k - m];
       }
       if (link.carrier > 0) torque_[link.carrier] += torque;
       effort_[link.slide] -= force;
@@ -150,9 +152,8 @@ class TaylorRecursive final : public Taylor {
   void add_passive(int k) {
     std::memset(effort_.data(), 0, effort_.size() * sizeof(double));
     const double *v = velocity(k), *before = velocity(k - 1);
-    forces_.each_smooth([&](const auto& law) {
-      effort_[law.joint] += law.coefficient(k, v[law.joint], before[law.joint]);
-    });
+    forces_.each_smooth(
+        [&](const auto& law) { effort_[law.joint] += law.coefficient(k, v[law.joint], before[law.joint]); });
   }
 
   // With the accelerations of order k in response_: every other coefficient that they decide.
@@ -213,7 +214,8 @@ class TaylorRecursive final : public Taylor {
       gx[i] = link.moment_x * linear_x_[i] + link.moment_y * linear_y_[i];
       gy[i] = link.moment_x * linear_y_[i] - link.moment_y * linear_x_[i];
     }
-    for (const Wrench& wrench : forces_.wrenches) {  // a force f E_i or f at a point p: F_i -= f .., G_i -= conj(p) f ..
+    for (const Wrench& wrench :
+         forces_.wrenches) {  // a force f E_i or f at a point p: F_i -= f .., G_i -= conj(p) f ..
       const int i = wrench.link, axes = wrench.turns ? i : 0;
       const double x = row(unit_x_, k)[axes], y = row(unit_y_, k)[axes];
       const double fx = wrench.force_x * x - wrench.force_y * y, fy = wrench.force_x * y + wrench.force_y * x;
@@ -244,8 +246,8 @@ class TaylorRecursive final : public Taylor {
   const Chain& chain_;
   Recursion recursion_;
   const int lanes_;
-  std::vector<double> response_;                                      // joint accelerations of one order
-  AlignedVector<double> rate_, unit_x_, unit_y_, pull_x_, pull_y_;      // links, a row for each order: phi', E, G
+  std::vector<double> response_;                                    // joint accelerations of one order
+  AlignedVector<double> rate_, unit_x_, unit_y_, pull_x_, pull_y_;  // links, a row for each order: phi', E, G
   AlignedVector<double> bend_x_, bend_y_, turn_x_, turn_y_, torque_, force_x_, force_y_, linear_x_, linear_y_, angular_;
   std::vector<SlideSeries> slides_;
 };

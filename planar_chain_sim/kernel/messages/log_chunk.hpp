@@ -48,7 +48,7 @@ class LogChunk {
     for (std::size_t channel = 0; channel < places_.size(); ++channel)
       if (!places_[channel].empty()) indexes[py::int_(channel)] = bytes_of(places_[channel]);
     const py::tuple taken = py::make_tuple(bytes_of(records_), first_time_, last_time_, indexes);
-    records_.clear();   // keeps the memory: chunks are about as long as each other
+    records_.clear();  // keeps the memory: chunks are about as long as each other
     for (Bytes& places : places_) places.clear();
     messages = 0;
     return taken;

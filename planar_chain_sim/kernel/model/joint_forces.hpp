@@ -24,13 +24,15 @@ using ListsOf = std::tuple<std::vector<Laws<Real>>...>;
 
 template <class Real>
 struct JointForcesOf {
-  ListsOf<Real, DamperOf, SpringOf, PreloadOf> smooth;        // laws that act smoothly
+  ListsOf<Real, DamperOf, SpringOf, PreloadOf> smooth;  // laws that act smoothly
   ListsOf<Real, FrictionOf, EffortLimitOf, StopOf> others;
-  std::vector<Wrench> wrenches;             // on `chain`; a simulation has them, a batch none
+  std::vector<Wrench> wrenches;  // on `chain`; a simulation has them, a batch none
   const ChainOf<Real>* chain = nullptr;
 
   template <template <class> class Law>
-  const std::vector<Law<Real>>& all() const { return std::get<std::vector<Law<Real>>>(others); }
+  const std::vector<Law<Real>>& all() const {
+    return std::get<std::vector<Law<Real>>>(others);
+  }
 
   // Calls `act(law)` for every joint's smooth law, the laws one after the other.
   template <class Act>
@@ -54,9 +56,7 @@ struct JointForcesOf {
   // tau += -d theta' - k (theta - theta_0) + tau_p - tau_c sgn(theta')   (equations.md 4)
   void add_passive(const Real* position, const Real* velocity, Real* effort) const {
     if constexpr (bare) return;
-    each_smooth([&](const auto& law) {
-      effort[law.joint] += law.effort(position[law.joint], velocity[law.joint]);
-    });
+    each_smooth([&](const auto& law) { effort[law.joint] += law.effort(position[law.joint], velocity[law.joint]); });
     for (const auto& law : all<FrictionOf>()) effort[law.joint] += law.effort(velocity[law.joint]);
   }
 

@@ -11,8 +11,8 @@
 namespace planar_chain {
 
 struct Wrench {
-  int link;                 // slot
-  bool turns;               // whether the force turns with the link: it is given in the link's axes, else in the plane's
+  int link;    // slot
+  bool turns;  // whether the force turns with the link: it is given in the link's axes, else in the plane's
   double point_x, point_y;  // where it acts, link's frame
   double force_x, force_y, moment;
 };

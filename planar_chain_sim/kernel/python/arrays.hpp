@@ -26,9 +26,9 @@ inline PyObject* type_of_doubles() {
 inline Array new_array(py::ssize_t size) {
   static const py::detail::npy_api& api = py::detail::npy_api::get();
   const Py_intptr_t shape[] = {size};
-  Py_INCREF(type_of_doubles());   // for the array to keep
-  PyObject* const made = api.PyArray_NewFromDescr_(api.PyArray_Type_, type_of_doubles(), 1, shape, nullptr, nullptr, 0,
-                                                   nullptr);
+  Py_INCREF(type_of_doubles());  // for the array to keep
+  PyObject* const made =
+      api.PyArray_NewFromDescr_(api.PyArray_Type_, type_of_doubles(), 1, shape, nullptr, nullptr, 0, nullptr);
   if (made == nullptr) throw py::error_already_set();
   return py::reinterpret_steal<Array>(made);
 }
@@ -134,7 +134,7 @@ class Numbers {
         if (!PyLong_CheckExact(item)) return false;
         numbers[i] = PyLong_AsDouble(item);
         if (PyErr_Occurred() == nullptr) continue;
-        PyErr_Clear();   // too large: NumPy's to say
+        PyErr_Clear();  // too large: NumPy's to say
         return false;
       }
     }
@@ -154,10 +154,14 @@ class Numbers {
       if (PyByteArray_Check(given.ptr()) || py::isinstance(given, numpy.attr("ma").attr("MaskedArray"))) refuse();
       const py::object array = numpy.attr("asarray")(given);
       switch (text(array.attr("dtype").attr("kind"))[0]) {
-        case 'b': case 'i': case 'u': case 'f': break;
-        case 'O':   // other kinds of numbers, or of objects
+        case 'b':
+        case 'i':
+        case 'u':
+        case 'f': break;
+        case 'O':  // other kinds of numbers, or of objects
           for (const py::handle each : array.attr("flat"))
-            if (each.is_none() || PyUnicode_Check(each.ptr()) || PyBytes_Check(each.ptr()) || PyComplex_Check(each.ptr()))
+            if (each.is_none() || PyUnicode_Check(each.ptr()) || PyBytes_Check(each.ptr()) ||
+                PyComplex_Check(each.ptr()))
               refuse();
           break;
         default: refuse();
@@ -199,8 +203,7 @@ class Numbers {
   // As Python writes a tuple: (2,), (..., 2), (3, 2).
   static std::string text_of(const py::ssize_t* shape, int dimensions, bool leading) {
     std::string written = leading ? "(..." : "(";
-    for (int k = 0; k < dimensions; ++k)
-      written += (k > 0 || leading ? ", " : "") + std::to_string(shape[k]);
+    for (int k = 0; k < dimensions; ++k) written += (k > 0 || leading ? ", " : "") + std::to_string(shape[k]);
     return written + (dimensions == 1 && !leading ? ",)" : ")");
   }
 

@@ -82,7 +82,8 @@ class Model {
   }
 
   int joint(int index) const {
-    if (index < 0 || index >= chain_.joint_count) throw py::value_error("the kernel got joint " + std::to_string(index));
+    if (index < 0 || index >= chain_.joint_count)
+      throw py::value_error("the kernel got joint " + std::to_string(index));
     return index;
   }
 
@@ -157,7 +158,8 @@ class Model {
     const std::size_t n = effort_.size();
     const std::vector<double> zero(n);
     std::vector<double> rest(n), vector(n, 1.0), effort(n), answer(n);
-    if (forward(q.data(), zero.data(), zero.data(), false, rest.data()).outcome == pc::Outcome::singular) return {0.0, 0};
+    if (forward(q.data(), zero.data(), zero.data(), false, rest.data()).outcome == pc::Outcome::singular)
+      return {0.0, 0};
     double rate = 0.0, size = 1.0;
     std::size_t most = 0;
     for (int step = 0; step < 6 && 0.0 < size && std::isfinite(size); ++step) {
@@ -182,7 +184,8 @@ class Model {
     const std::vector<double> acting(u.data(), u.data() + chain_.joint_count);
     const std::vector<double> rate(v.data(), v.data() + chain_.joint_count);
     double sum = 0.0;
-    const std::unique_ptr<pc::Form> chosen = pc::make_form<double>(chain_, dense);  // others may ask this model meanwhile
+    const std::unique_ptr<pc::Form> chosen =
+        pc::make_form<double>(chain_, dense);  // others may ask this model meanwhile
     py::gil_scoped_release release;
     for (std::int64_t k = 0; k < count; ++k) {
       q[0] += 1e-9;
@@ -223,7 +226,8 @@ class Model {
     int joint;
   };
 
-  Evaluation forward(const double* position, const double* velocity, const double* effort, bool dense, double* acceleration) {
+  Evaluation forward(const double* position, const double* velocity, const double* effort, bool dense,
+                     double* acceleration) {
     const int n = chain_.joint_count;
     const double* const all = right_hand_side_->efforts(position, velocity, effort);
     const int joint = form(dense).forward(right_hand_side_->from_far(), velocity, all, acceleration);
@@ -271,8 +275,7 @@ class Model {
     const double* const near = right_hand_side_->from_far();
     acceleration_.resize(effort_.size());
     int singular = recursion_->evaluate(near, velocity, all, acceleration_.data());
-    if (singular < 0 && chain_.refined)
-      singular = recursive_->forward(near, velocity, all, acceleration_.data());
+    if (singular < 0 && chain_.refined) singular = recursive_->forward(near, velocity, all, acceleration_.data());
     if (singular >= 0) return {Refusal::singular, singular};
     for (int i = 0; i < n; ++i)
       if (!std::isfinite(acceleration_[i])) return {Refusal::no_acceleration, i};
@@ -305,7 +308,7 @@ class Model {
   }
 
   pc::Jacobian& jacobian() {
-    if (!jacobian_) jacobian_.emplace(chain_, forces);   // its matrices are made for those who ask for them
+    if (!jacobian_) jacobian_.emplace(chain_, forces);  // its matrices are made for those who ask for them
     return *jacobian_;
   }
 

@@ -90,7 +90,7 @@ class Stepper {
   // -1; or, with nothing changed, the joint whose position lies beyond a stop. ValueError: an array that is no good.
   int put_state(const py::handle& position, const py::handle& velocity) {
     const Numbers q("position", position, {joints()}), v("velocity", velocity, {joints()});
-    pc::JointState fresh(static_cast<int>(joints_));   // arrays may change while another call is waited for
+    pc::JointState fresh(static_cast<int>(joints_));  // arrays may change while another call is waited for
     std::copy_n(q.data(), joints_, fresh.position.begin());
     std::copy_n(v.data(), joints_, fresh.velocity.begin());
     turn_.await();
@@ -108,11 +108,11 @@ class Stepper {
     std::vector<double> kept = {checkpoint_format};
     scene_->integrator->save(kept);
     kept.push_back(sum_of_bits(kept.data(), kept.size()));
-    const std::int64_t tick = tick_;   // a tuple may set off the garbage collector, and that another thread
-    return py::make_tuple(tick, between_ ? py::object(py::float_(*between_)) : py::none(),
-                          py::make_tuple(make_array(state_.position), make_array(state_.velocity),
-                                         make_array(state_.position_remainder), make_array(state_.velocity_remainder),
-                                         make_array(effort_), make_array(kept)));
+    const std::int64_t tick = tick_;  // a tuple may set off the garbage collector, and that another thread
+    return py::make_tuple(
+        tick, between_ ? py::object(py::float_(*between_)) : py::none(),
+        py::make_tuple(make_array(state_.position), make_array(state_.velocity), make_array(state_.position_remainder),
+                       make_array(state_.velocity_remainder), make_array(effort_), make_array(kept)));
   }
 
   // Takes what save() gave; `anew`: of a stepper with another method, which starts here.
@@ -253,8 +253,8 @@ class Stepper {
     std::unique_ptr<pc::Integrator> integrator;
 
     Scene(const py::object& made, const pc::MethodData& method, double step, bool dense)
-        : model(made), forces(made.cast<const Model&>().forces),
-          right_hand_side(chain(), forces), form(pc::make_form<double>(chain(), dense)) {
+        : model(made), forces(made.cast<const Model&>().forces), right_hand_side(chain(), forces),
+          form(pc::make_form<double>(chain(), dense)) {
       forces.chain = &chain();
       integrator = pc::make_integrator(method, chain(), *form, forces, step, dense);
     }
@@ -300,7 +300,7 @@ class Stepper {
     std::int64_t number = -1;
     if (PyLong_CheckExact(given.ptr())) {
       number = PyLong_AsLongLongAndOverflow(given.ptr(), &overflow);
-    } else if (PyIndex_Check(given.ptr()) && !PyBool_Check(given.ptr())) {   // as NumPy's
+    } else if (PyIndex_Check(given.ptr()) && !PyBool_Check(given.ptr())) {  // as NumPy's
       const auto index = py::reinterpret_steal<py::object>(PyNumber_Index(given.ptr()));
       if (index) number = PyLong_AsLongLongAndOverflow(index.ptr(), &overflow);
       else PyErr_Clear();
@@ -339,7 +339,8 @@ class Stepper {
   }
 
   pc::Record record_in(const py::handle& given, std::int64_t ticks) const {
-    const bool three = (PyTuple_CheckExact(given.ptr()) || PyList_CheckExact(given.ptr())) && PySequence_Size(given.ptr()) == 3;
+    const bool three =
+        (PyTuple_CheckExact(given.ptr()) || PyList_CheckExact(given.ptr())) && PySequence_Size(given.ptr()) == 3;
     pc::Record record;
     double** const fields[] = {&record.position, &record.velocity, &record.effort};
     for (py::ssize_t i = 0; i < 3; ++i) {
@@ -364,7 +365,8 @@ class Stepper {
     lookout_.begin([&call] { return call.ask(); });
     if (until || ticks >= few_joint_ticks || ticks * joints() >= few_joint_ticks) call.let_go();
     if (ticks > 0)
-      progress = pc::roll(integrator, scene_->forces, state_, step_, time(), tick_, ticks, efforts, record, effort_, latched_);
+      progress =
+          pc::roll(integrator, scene_->forces, state_, step_, time(), tick_, ticks, efforts, record, effort_, latched_);
     const bool there = progress.outcome == pc::Outcome::good;
     if (progress.ticks > 0) tick_ += progress.ticks, between_.reset();
     if (there && until) {
@@ -421,8 +423,8 @@ class Stepper {
   std::optional<double> between_;  // s, the time where that is behind the tick
   std::vector<double> effort_, latched_, zero_;
   double step_;
-  const py::ssize_t joints_;       // for who does not wait, too
-  bool adaptive_, told_ = false;   // the last: of a coarse step
+  const py::ssize_t joints_;      // for who does not wait, too
+  bool adaptive_, told_ = false;  // the last: of a coarse step
   std::atomic<bool> stop_wanted_{false};
   pc::Lookout lookout_;
   Turn turn_;

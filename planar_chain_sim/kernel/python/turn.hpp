@@ -40,12 +40,16 @@ class Turn {
   }
 
   void wake() {
-    { const std::lock_guard<std::mutex> guard(mutex_); }
+    {
+      const std::lock_guard<std::mutex> guard(mutex_);
+    }
     left_.notify_all();
   }
 
   void wait() {
-    if (mine()) throw std::runtime_error("the simulation is in the middle of a call of this thread: ask it again when that has returned");
+    if (mine())
+      throw std::runtime_error(
+          "the simulation is in the middle of a call of this thread: ask it again when that has returned");
     const std::uint64_t number = next_++;
     waiting_.push_back(number);
     while (busy_ || waiting_.front() != number) {
@@ -54,7 +58,7 @@ class Turn {
         std::unique_lock<std::mutex> lock(mutex_);
         left_.wait_for(lock, std::chrono::milliseconds(20));
       }
-      remove(number);            // a signal handler may have to wait here too
+      remove(number);  // a signal handler may have to wait here too
       const bool raised = PyErr_CheckSignals() != 0;
       if (!raised) put_back(number);
       if (!raised) continue;
@@ -87,7 +91,7 @@ class Turn {
   std::deque<std::uint64_t> waiting_;
   std::uint64_t next_ = 0;
 
-  std::mutex mutex_;                   // of the condition alone
+  std::mutex mutex_;  // of the condition alone
   std::condition_variable left_;
 };
 

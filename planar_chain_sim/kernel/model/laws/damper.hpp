@@ -13,7 +13,7 @@ struct DamperOf {
   static constexpr bool of_position = false, of_velocity = true, stores = false;
 
   Real effort(const Real&, const Real& velocity) const { return -(damping * velocity); }
-  Real by_velocity() const { return -damping; }   // d tau / d theta'
+  Real by_velocity() const { return -damping; }  // d tau / d theta'
   double size(double) const { return 0.0; }
   double coefficient(int, double rate, double) const { return -(damping * rate); }
 };

@@ -19,7 +19,7 @@ struct SpringOf {
   static constexpr bool of_position = true, of_velocity = false, stores = true;
 
   Real effort(const Real& position, const Real&) const { return -(stiffness * (position - rest)); }
-  Real by_position() const { return -stiffness; }   // d tau / d theta
+  Real by_position() const { return -stiffness; }  // d tau / d theta
 
   Real energy(const Real& position) const {
     const Real stretch = position - rest;
