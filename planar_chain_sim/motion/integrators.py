@@ -80,8 +80,9 @@ class Method:
     @cached_property
     def tableau(self) -> _kernel.Tableau:
         """The coefficients as the kernel takes them, matrices row by row."""
-        return _kernel.Tableau(len(self.b), *([x for row in rows for x in row] for rows in (
-            self.a, (self.b,), self.error, self.dense_a, self.dense, self.c)), self.gamma)
+        a, b, error, dense_a, dense, c = ([x for row in rows for x in row] for rows in (
+            self.a, (self.b,), self.error, self.dense_a, self.dense, self.c))
+        return _kernel.Tableau(len(self.b), a, b, error, dense_a, dense, c, self.gamma)
 
     def __getstate__(self):
         return {entry.name: getattr(self, entry.name) for entry in fields(self)}  # what is kept besides is made again

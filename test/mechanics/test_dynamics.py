@@ -190,7 +190,7 @@ def test_singular_configuration_is_named():
 
 
 @pytest.mark.parametrize('arguments, message', [
-    (([0.0], [0.0, 0.0], [0.0, 0.0]), r'position has shape \(1,\), must have \(2,\)'),
+    (([0.0], [0.0, 0.0], [0.0, 0.0]), r'position has shape \(1,\), must have \(..., 2\)'),
     (([0.0, 0.0], [0.0, np.nan], [0.0, 0.0]), r'velocity\[1\] is nan, must be finite'),
     (([0.0, 0.0], [0.0, 0.0], ['x', 0.0]), 'effort must be numbers'),
 ])

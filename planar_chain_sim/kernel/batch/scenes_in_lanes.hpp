@@ -262,7 +262,7 @@ class StatesInLanes {
       for (std::size_t at = 0; at < blocks_.size(); at += quantities * joints_) {
         const Real *position = &blocks_[at], *velocity = position + joints_;
         const Real* const effort = right_hand_side_.efforts(position, velocity, velocity + joints_);
-        form_->forward(right_hand_side_.from_far(), velocity, effort, &blocks_[at + 3 * joints_]);
+        form_->forward(right_hand_side_.near_position(), velocity, effort, &blocks_[at + 3 * joints_]);
       }
   }
 

@@ -38,20 +38,22 @@ class RightHandSideOf {
     return effort_.data();
   }
 
-  // All efforts at `position`, which from_far() then is without whole turns.
+  // All efforts at `position`, of which near_position() then is what is left without whole turns.
   const Real* efforts(const Real* position, const Real* velocity, const Real* actuator) {
-    start(position);
-    from_far_.assign(position, position + joints_), nothing_.resize(from_far_.size());
-    return efforts(position, nothing_.data(), from_far_.data(), velocity, actuator);
+    for (int i = 0; i < joints_; ++i) effort_[i] = actuator[i];
+    if (forces_.passive()) forces_.add_passive(position, velocity, effort_.data());
+    near_position_ = without_turns(position);
+    if constexpr (lanes_in<Real> == 1) forces_.add_wrenches(near_position_, nullptr, effort_.data());
+    return effort_.data();
   }
-  const Real* from_far() const { return from_far_.data(); }
+  const Real* near_position() const { return near_position_; }
 
-  // `position` without whole turns, where no effort is asked for.
-  const Real* from_far(const Real* position) {
+  // `position` without whole turns; itself where it has none.
+  const Real* without_turns(const Real* position) {
     if (!turns_.find(position)) return position;
-    from_far_.assign(position, position + joints_), nothing_.resize(from_far_.size());
-    turns_.leave_out(position, nothing_.data(), from_far_.data());
-    return from_far_.data();
+    left_.assign(position, position + joints_), nothing_.resize(left_.size());
+    turns_.leave_out(position, nothing_.data(), left_.data());
+    return left_.data();
   }
 
   // Joint efforts that do the work of the wrenches at a state.
@@ -90,7 +92,8 @@ class RightHandSideOf {
   const int joints_;
   bool far_ = false;
   AlignedVector<Real> effort_;
-  std::vector<Real> from_far_, nothing_;
+  std::vector<Real> left_, nothing_;
+  const Real* near_position_ = nullptr;
   JointState near_;
   const JointState* at_ = nullptr;
 };

@@ -142,6 +142,17 @@ class Numbers {
     return true;
   }
 
+  // Whether NumPy takes it for real numbers, or for objects that may be some.
+  static bool is_numeric(const py::handle& array) {
+    return std::string("biufO").find(text(array.attr("dtype").attr("kind"))) != std::string::npos;
+  }
+
+  // Of an object, that float() takes or says so itself, but that is not meant as a number.
+  static bool is_no_number(const py::handle& each) {
+    return each.is_none() || PyUnicode_Check(each.ptr()) || PyBytes_Check(each.ptr()) || PyComplex_Check(each.ptr()) ||
+           (py::hasattr(each, "dtype") && !is_numeric(each));
+  }
+
   // As NumPy has it, if that is numbers.
   __attribute__((noinline)) void convert(const char* name, const py::handle& given, const std::string& wanted) {
     const auto refuse = [&] {
@@ -153,19 +164,10 @@ class Numbers {
     try {
       if (PyByteArray_Check(given.ptr()) || py::isinstance(given, numpy.attr("ma").attr("MaskedArray"))) refuse();
       const py::object array = numpy.attr("asarray")(given);
-      switch (text(array.attr("dtype").attr("kind"))[0]) {
-        case 'b':
-        case 'i':
-        case 'u':
-        case 'f': break;
-        case 'O':  // other kinds of numbers, or of objects
-          for (const py::handle each : array.attr("flat"))
-            if (each.is_none() || PyUnicode_Check(each.ptr()) || PyBytes_Check(each.ptr()) ||
-                PyComplex_Check(each.ptr()))
-              refuse();
-          break;
-        default: refuse();
-      }
+      if (!is_numeric(array)) refuse();
+      if (text(array.attr("dtype").attr("kind")) == "O")
+        for (const py::handle each : array.attr("flat"))
+          if (is_no_number(each)) refuse();
       made_ = numpy.attr("ascontiguousarray")(array, py::dtype::of<double>());
     } catch (py::error_already_set& error) {
       if (!error.matches(PyExc_TypeError) && !error.matches(PyExc_ValueError) && !error.matches(PyExc_OverflowError))

@@ -93,7 +93,11 @@ class Model {
     const Numbers q = state("position", position), v = state("velocity", velocity), u = state("effort", effort);
     Array acceleration = new_array(chain_.joint_count);
     const auto [outcome, joint] = forward(q.data(), v.data(), u.data(), dense, acceleration.mutable_data());
-    return py::make_tuple(std::move(acceleration), static_cast<int>(outcome), joint);
+    const py::tuple answer(3);  // by hand: half of the time that make_tuple takes
+    PyTuple_SET_ITEM(answer.ptr(), 0, acceleration.release().ptr());
+    PyTuple_SET_ITEM(answer.ptr(), 1, PyLong_FromLong(static_cast<int>(outcome)));
+    PyTuple_SET_ITEM(answer.ptr(), 2, PyLong_FromLong(joint));
+    return answer;
   }
 
   Array inverse_dynamics(const py::handle& position, const py::handle& velocity, const py::handle& acceleration) {
@@ -121,7 +125,7 @@ class Model {
                                               const py::handle& acceleration) {
     const Numbers q = joints("position", position), v = joints("velocity", velocity),
                   a = joints("acceleration", acceleration);
-    jacobian().compute(right_hand_side_->from_far(q.data()), v.data(), a.data());
+    jacobian().compute(right_hand_side_->without_turns(q.data()), v.data(), a.data());
     const int n = chain_.joint_count;
     const auto square = [n](const std::vector<double>& rows) { return Array({n, n}, rows.data()); };
     return {square(jacobian_->mass), square(jacobian_->by_position), square(jacobian_->by_velocity)};
@@ -230,7 +234,7 @@ class Model {
                      double* acceleration) {
     const int n = chain_.joint_count;
     const double* const all = right_hand_side_->efforts(position, velocity, effort);
-    const int joint = form(dense).forward(right_hand_side_->from_far(), velocity, all, acceleration);
+    const int joint = form(dense).forward(right_hand_side_->near_position(), velocity, all, acceleration);
     if (joint >= 0) return {pc::Outcome::singular, joint};
     for (int i = 0; i < n; ++i)
       if (!std::isfinite(acceleration[i])) return {pc::Outcome::not_finite, i};
@@ -240,7 +244,7 @@ class Model {
   void inverse(const double* position, const double* velocity, const double* acceleration, double* effort) {
     std::fill(effort_.begin(), effort_.end(), 0.0);
     const double* const passive = right_hand_side_->efforts(position, velocity, effort_.data());
-    recursion_->inverse(right_hand_side_->from_far(), velocity, acceleration, true, effort);
+    recursion_->inverse(right_hand_side_->near_position(), velocity, acceleration, true, effort);
     for (int i = 0; i < chain_.joint_count; ++i) effort[i] -= passive[i];
   }
 
@@ -248,7 +252,7 @@ class Model {
   void mass(const double* position, double* matrix) {
     const std::size_t n = effort_.size();
     std::vector<double> zero(n), unit(n);
-    const double* const near = right_hand_side_->from_far(position);
+    const double* const near = right_hand_side_->without_turns(position);
     for (std::size_t j = 0; j < n; ++j) {
       unit[j] = 1.0;
       recursion_->inverse(near, zero.data(), unit.data(), false, effort_.data());
@@ -261,7 +265,7 @@ class Model {
 
   std::pair<double, double> energy(const double* position, const double* velocity) {
     double kinetic, potential;
-    recursion_->energy(right_hand_side_->from_far(position), velocity, kinetic, potential);
+    recursion_->energy(right_hand_side_->without_turns(position), velocity, kinetic, potential);
     return {kinetic, potential + forces.stored_energy(position)};
   }
 
@@ -272,7 +276,7 @@ class Model {
     for (const auto& law : forces.all<pc::FrictionOf>())
       if (velocity[law.joint] == 0.0) return {Refusal::standing, law.joint};
     const double* const all = right_hand_side_->efforts(position, velocity, effort);
-    const double* const near = right_hand_side_->from_far();
+    const double* const near = right_hand_side_->near_position();
     acceleration_.resize(effort_.size());
     int singular = recursion_->evaluate(near, velocity, all, acceleration_.data());
     if (singular < 0 && chain_.refined) singular = recursive_->forward(near, velocity, all, acceleration_.data());
