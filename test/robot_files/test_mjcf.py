@@ -399,7 +399,7 @@ def test_a_log_is_told_as_one(tmp_path):
 
 
 def torn(random, text):
-    """Return the text with wounds: values put for others, elements moved, or characters taken away and put in."""
+    """Return the text with damage: values put for others, elements moved, or characters taken away and put in."""
     raw = random.random() < 0.3
     for _ in range(int(random.integers(1, 4))):
         words = re.findall(r'<[^>]*>', text) if random.random() < 0.3 else re.findall('"[^"]*"', text)
@@ -409,13 +409,13 @@ def torn(random, text):
             patch = random.choice(['', '"', '<', '/>', '&lt;', 'name="a"', '<!--', ']]>', '\u20ac', *words[:3]])
             text = text[:place] + patch + text[place + length * int(random.integers(0, 2)):]
             continue
-        wound = found[random.integers(len(found))]
+        damaged_part = found[random.integers(len(found))]
         word = words[random.integers(len(words))]
-        if wound.group().startswith('"'):
+        if damaged_part.group().startswith('"'):
             word = random.choice(['""', '"nan"', '"1e999"', '"-1"', '"0 0 0"', '"x"', '"1"', '"true"', '"1e300"',
                                   '"1e-300"', '"1 2 3"', '"hinge"', '"main"', word.strip('<>').replace('<', '')
                                   if word.startswith('"') else '"0"'])
-        text = text[:wound.start()] + word * int(random.integers(0, 3) if raw else 1) + text[wound.end():]
+        text = text[:damaged_part.start()] + word * int(random.integers(0, 3) if raw else 1) + text[damaged_part.end():]
     return text
 
 

@@ -4,12 +4,12 @@ import json
 import os
 import time
 
-from live import Process, run, simulator
+from live import PATIENCE, Process, run, simulator
 import pytest
 
 from planar_chain_sim.recording.cdr import decode_joint_state, decode_string
 from planar_chain_sim.recording.log_reader import read_log
-from planar_chain_sim.ros.pacing import LONGEST_LATENESS
+from planar_chain_sim.ros import publication
 from planar_chain_sim.ros.publication import HoldUps, SHORTEST_HOLD_UP
 
 PROCESSES, MS = 6, 1_000_000
@@ -65,11 +65,11 @@ class SlowPublication(publication.Publication):
         super().__init__(*arguments)
         self._state, self._left = Slow(self._state), 500
 
-    def show(self, *arguments):
+    def publish_state(self, *arguments):
         self._left -= 1
         if not self._left:
             time.sleep(float(sys.argv[1]))
-        super().show(*arguments)
+        super().publish_state(*arguments)
 
 
 publication.Publication = SlowPublication
@@ -87,7 +87,11 @@ def test_only_what_publishing_does_not_explain_is_dropped(tmp_path, monkeypatch,
     with Process('held_node', late - held, held, '--ros-args', '-r', '__ns:=/held', '-p', f'record:={path}') as process:
         process.wait_for('running')
         process.wait_for('held up' if held * 1e9 > SHORTEST_HOLD_UP else 'machine' if dropped else 'running')
-        time.sleep(1.0)
+        end = time.monotonic() + PATIENCE
+        while max((message.sequence for message in read_log(path).messages if message.topic == '/held/joint_states'),
+                  default=0) < 1000:
+            assert time.monotonic() < end, process.output
+            time.sleep(0.1)
         assert process.stop() == 0, process.output
     events = [json.loads(decode_string(m.data)) for m in read_log(path).messages if m.topic.endswith('/events')]
     assert sum(event['kind'] == 'dropped_time' for event in events) == dropped
@@ -95,8 +99,14 @@ def test_only_what_publishing_does_not_explain_is_dropped(tmp_path, monkeypatch,
     assert told == ([pytest.approx(held, abs=0.1)] if held * 1e9 > SHORTEST_HOLD_UP else [])
 
 
-def test_hold_ups_add_up_and_short_calls_do_not_count():
+def test_hold_ups_add_up_and_short_calls_do_not_count(monkeypatch):
+    clock = [0]
+    monkeypatch.setattr(publication, 'monotonic_ns', lambda: clock[0])
+
+    def call(milliseconds):
+        clock[0] += milliseconds * MS
+        return hold_ups.total
+
     hold_ups = HoldUps()
-    for milliseconds in (1, 30, 2, 40):
-        hold_ups.during(time.sleep, milliseconds * 1e-3)
-    assert 70 * MS <= hold_ups.total < 70 * MS + LONGEST_LATENESS
+    totals = [hold_ups.during(call, milliseconds) // MS for milliseconds in (1, 30, 2, 40)]
+    assert totals == [0, 30, 30, 70] and hold_ups.total == 70 * MS

@@ -9,7 +9,7 @@ import subprocess
 import sys
 
 from diagnostic_msgs.msg import DiagnosticArray
-from live import Peer, run, simulator, stamp_ns
+from live import PATIENCE, Peer, run, simulator, stamp_ns
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 import numpy as np
@@ -287,7 +287,7 @@ def test_rollout_on_a_full_disk_is_one_sentence(small_disk, program, arguments):
 def test_resimulate_with_its_output_on_a_full_disk_never_says_different(held):
     with open('/dev/full', 'wb') as full:
         ended = subprocess.run([sys.executable, '-m', 'planar_chain_sim.recording.resimulation', held[0]], stdout=full,
-                               stderr=subprocess.PIPE, text=True)
+                               stderr=subprocess.PIPE, text=True, timeout=PATIENCE)
     assert ended.returncode == 2 and ended.stderr.count('\n') == 1, ended.stderr
     assert ended.stderr.startswith('resimulate: ') and 'No space left on device' in ended.stderr
 
@@ -332,7 +332,8 @@ def test_a_log_that_somebody_takes_away_is_told_and_the_physics_goes_on(harm, to
 def test_a_missing_mcap_is_one_sentence(program, arguments, tmp_path):
     blocked = (f"import sys; sys.modules['mcap'] = None; from planar_chain_sim.{program} import main; "
                f'sys.exit(main({arguments!r}))')
-    ended = subprocess.run([sys.executable, '-c', blocked], capture_output=True, text=True, cwd=tmp_path)
+    ended = subprocess.run([sys.executable, '-c', blocked], capture_output=True, text=True, cwd=tmp_path,
+                           timeout=PATIENCE)
     assert ended.returncode == 2 and ended.stderr.count('\n') == 1, ended.stderr
     assert "log 'run.mcap'" in ended.stderr or "log 'double_pendulum.mcap'" in ended.stderr
     assert 'logs need the Python package mcap, which is not installed' in ended.stderr

@@ -117,7 +117,7 @@ def test_without_ros_it_says_so(program, tmp_path):
     assert rollout([str(CONFIG / 'four_link_robot.yaml'), '--duration', '0.01', '--output', str(log)]) == 0
     blocked = (f"import sys; sys.modules['rclpy'] = None; from planar_chain_sim.ros.{program} import main; "
                f'sys.exit(main({[str(log)] if program == "replay" else []}))')
-    ended = subprocess.run([sys.executable, '-c', blocked], capture_output=True, text=True)
+    ended = subprocess.run([sys.executable, '-c', blocked], capture_output=True, text=True, timeout=PATIENCE)
     assert ended.returncode == 2
     assert 'ROS 2 cannot be loaded' in ended.stderr and ended.stderr.count('\n') == 1
 
@@ -224,7 +224,7 @@ def test_help_has_the_table_of_parameters(columns):
 
 def test_help_needs_no_ros():
     blocked = f"import sys; sys.modules['rclpy'] = None; from {NODE} import main; sys.exit(main(['--help']))"
-    ended = subprocess.run([sys.executable, '-c', blocked], capture_output=True, text=True)
+    ended = subprocess.run([sys.executable, '-c', blocked], capture_output=True, text=True, timeout=PATIENCE)
     assert ended.returncode == 0 and 'real_time_factor' in ended.stdout
 
 
