@@ -1,6 +1,8 @@
 """What went wrong and a user can put right: one sentence each."""
 from __future__ import annotations
 
+from typing import Any, Optional
+
 
 class Mistake(Exception):
     """What a user can correct, in one sentence. Command lines write the sentence and exit with code 2."""
@@ -24,8 +26,9 @@ class SimulationError(Mistake, RuntimeError):
     become too short; 'endless_events', stops and friction follow one another without time going on.
     """
 
-    def __init__(self, message, *, joint=None, body=None, time=None, tick=None, position=None, velocity=None,
-                 reason=None):
+    def __init__(self, message: str, *, joint: Optional[str] = None, body: Optional[str] = None,
+                 time: Optional[float] = None, tick: Any = None, position: Any = None, velocity: Any = None,
+                 reason: Optional[str] = None) -> None:
         super().__init__(message)
         self.reason = reason
         self.joint, self.body, self.time, self.tick = joint, body, time, tick

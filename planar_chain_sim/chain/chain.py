@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Callable, Optional
+from typing import Any, Callable, Optional
 
 from .checks import data_of, read_tree
 from .parameters import changed_data, parameters_of
@@ -31,7 +31,7 @@ class _Text:
     It is computed at the first access.
     """
 
-    def __get__(self, chain, owner=None):
+    def __get__(self, chain: Any, owner: Any = None) -> Any:
         if chain is None:
             return self
         kept = chain.__dict__
@@ -39,7 +39,7 @@ class _Text:
             kept['_text'] = own_text(chain, kept.get('_given', ''))
         return kept['_text']
 
-    def __set__(self, chain, text):
+    def __set__(self, chain: Any, text: Any) -> None:
         chain.__dict__['_given'] = '' if text is self else text   # itself: the default
 
 
@@ -72,20 +72,20 @@ class Chain(Tree):
         """
         return build_chain(changed_data(self, values), '')
 
-    def __getstate__(self):
+    def __getstate__(self) -> dict:
         # What is kept besides is made again.
         return {key: value for key, value in self.__dict__.items()
                 if key in ('name', 'gravity', 'bodies', '_given', '_text', *PASSED)}
 
 
-def altered(chain: Chain, **changes) -> Chain:
+def altered(chain: Chain, **changes: Any) -> Chain:
     """Return a chain with changes after which it need not be checked again."""
     fresh = replace(chain, source='', **changes)
     fresh.__dict__.update({key: True for key in PASSED if key in chain.__dict__})
     return fresh
 
 
-def build_chain(data, file: str, source: Optional[str] = None) -> Chain:
+def build_chain(data: Any, file: str, source: Optional[str] = None) -> Chain:
     """
     Return the chain that plain data describes, checked; ChainError otherwise.
 

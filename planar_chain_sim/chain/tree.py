@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import inf, isfinite
-from typing import Mapping, Optional
+from typing import Any, Mapping, Optional
 
 BASE = -1  # carrier index of a body that the base carries
 POINT_MASS = 1e-9     # relative: an inertia that falls short of m c^2 by less is rounding, the body is a point mass
@@ -58,7 +58,7 @@ class Body:
     visual: Mapping = field(default_factory=dict, hash=False)  # for pictures only
     given: str = field(default='inertia_com', compare=False, repr=False)  # the inertia that its text gives
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         try:
             settled = settled_inertia(self.mass, self.center_of_mass, self.inertia, self.inertia_com)
         except (TypeError, AttributeError, OverflowError):
@@ -79,7 +79,7 @@ def inertia_about_center(inertia: float, steiner: float) -> tuple[float, float]:
     return (steiner, 0.0) if inertia_com <= ROUNDING * steiner else (inertia, inertia_com)
 
 
-def settled_inertia(mass, center, inertia, inertia_com) -> Optional[tuple[float, float]]:
+def settled_inertia(mass: Any, center: Any, inertia: Any, inertia_com: Any) -> Optional[tuple[float, float]]:
     """Return J and J_C that a text can say, for two that differ by rounding; None where they do not, or by more."""
     steiner = steiner_term(mass, center)
     from_inertia = inertia_about_center(inertia, steiner)
@@ -97,7 +97,7 @@ class Tree:
     gravity: complex            # m/s^2, x + j y
     bodies: tuple[Body, ...]
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if isinstance(self.bodies, list):   # which has no hash and is equal to no tuple
             self.__dict__['bodies'] = tuple(self.bodies)
 

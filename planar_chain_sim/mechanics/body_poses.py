@@ -7,7 +7,7 @@ axes: a whole run at once. Bodies are in file order, welded ones included; point
 """
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple, TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from .path_matrix import motion_of_joints
 from .._kernel import plane_vector
 from ..chain.chain import Chain
 from ..chain.tree import BASE
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 
 class BodyPoses(NamedTuple):
@@ -34,7 +37,7 @@ class BodyPoses(NamedTuple):
 class _Motion:
     """Positions of all bodies and, as far as rates and accelerations are given, their derivatives; complex, m."""
 
-    def __init__(self, chain: Chain, position, velocity=None, acceleration=None):
+    def __init__(self, chain: Chain, position: Any, velocity: Any = None, acceleration: Any = None) -> None:
         G, offset = motion_of_joints(chain)
         count = len(chain.bodies)
         self.position = position
@@ -63,37 +66,37 @@ class _Motion:
             self.acceleration[..., i] = before[2] + (1j * spin - rate**2) * arm + 2j * rate * first + second
         self.arm = np.array([body.center_of_mass for body in chain.bodies]) * self.turn   # c c^
 
-    def center(self):
+    def center(self) -> Any:
         """Return the mass centres, their velocities and accelerations."""
         return (self.point + self.arm, self.velocity + 1j * self.rate * self.arm,
                 self.acceleration + (1j * self.spin - self.rate**2) * self.arm)
 
 
-def _halves(absolute, count):
+def _halves(absolute: Any, count: Any) -> Any:
     return absolute[..., :count], absolute[..., count:]
 
 
-def _plane(vectors) -> np.ndarray:
+def _plane(vectors: Any) -> np.ndarray:
     return np.stack([vectors.real, vectors.imag], axis=-1)
 
 
-def _cross(left, right):
+def _cross(left: Any, right: Any) -> Any:
     return (np.conj(left) * right).imag
 
 
-def body_poses(chain: Chain, position) -> BodyPoses:
+def body_poses(chain: Chain, position: ArrayLike) -> BodyPoses:
     """Return where every body is, position (..., joints), rad or m. ValueError: bad shape, non-finite value."""
     motion = _Motion(chain, *joint_rows(chain, position=position))
     return BodyPoses(_plane(motion.point), motion.angle, _plane(motion.center()[0]))
 
 
-def body_velocities(chain: Chain, position, velocity) -> BodyPoses:
+def body_velocities(chain: Chain, position: ArrayLike, velocity: ArrayLike) -> BodyPoses:
     """Return the rates of body_poses, m/s and rad/s (5.83). ValueError: bad shape, non-finite value."""
     motion = _Motion(chain, *joint_rows(chain, position=position, velocity=velocity))
     return BodyPoses(_plane(motion.velocity), motion.rate, _plane(motion.center()[1]))
 
 
-def jacobian(chain: Chain, position, body: str, point=(0.0, 0.0)) -> np.ndarray:
+def jacobian(chain: Chain, position: ArrayLike, body: str, point: ArrayLike = (0.0, 0.0)) -> np.ndarray:
     """
     Return d (x, y, angle) / d joint positions of a point that moves with a body, (..., 3, joints).
 
@@ -121,14 +124,14 @@ def jacobian(chain: Chain, position, body: str, point=(0.0, 0.0)) -> np.ndarray:
     return found
 
 
-def center_of_mass(chain: Chain, position) -> np.ndarray:
+def center_of_mass(chain: Chain, position: ArrayLike) -> np.ndarray:
     """Return the mass centre of the whole chain, (..., 2), m. ValueError: bad shape, non-finite value."""
     motion = _Motion(chain, *joint_rows(chain, position=position))
     mass = np.array([body.mass for body in chain.bodies])
     return _plane(motion.center()[0] @ mass / mass.sum())
 
 
-def momentum(chain: Chain, position, velocity) -> tuple[np.ndarray, np.ndarray]:
+def momentum(chain: Chain, position: ArrayLike, velocity: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
     """
     Return linear momentum of the bodies, (..., 2), kg m/s, and angular about the origin of the base, (...,), kg m^2/s.
 
@@ -140,7 +143,7 @@ def momentum(chain: Chain, position, velocity) -> tuple[np.ndarray, np.ndarray]:
     return _plane(rate @ mass), _cross(place, rate) @ mass + motion.rate @ inertia
 
 
-def reaction_forces(chain: Chain, position, velocity, effort) -> np.ndarray:
+def reaction_forces(chain: Chain, position: ArrayLike, velocity: ArrayLike, effort: ArrayLike) -> np.ndarray:
     """
     Return the load of each carrier on its body at the joint point: force x, y, N, moment, N m, (..., bodies, 3).
 

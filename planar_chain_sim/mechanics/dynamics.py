@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from functools import partial
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
@@ -11,13 +12,16 @@ from .. import _kernel
 from ..chain.chain import Chain
 from ..errors import SimulationError
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
 FORMS = ('reference', 'dense', 'recursive', 'auto')
 
 _GOOD, _SINGULAR, _NOT_FINITE = map(_kernel.OUTCOMES.index, ('good', 'singular', 'not_finite'))
 _WHY_NOT = {_SINGULAR: 'the configuration is singular', _NOT_FINITE: 'the acceleration is not finite'}
 
 
-def joint_array(name: str, values, shape: tuple) -> np.ndarray:
+def joint_array(name: str, values: ArrayLike, shape: tuple) -> np.ndarray:
     """`values` as finite C-ordered float64 of the wanted shape; ValueError names argument, got and wanted."""
     return _kernel.finite_array(name, values, shape)
 
@@ -29,7 +33,7 @@ def resolve_form(chain: Chain, form: str) -> str:
     return plan_of(chain).form if form == 'auto' else form
 
 
-def no_acceleration(chain: Chain, joint: int, why: str, position, velocity) -> SimulationError:
+def no_acceleration(chain: Chain, joint: int, why: str, position: ArrayLike, velocity: ArrayLike) -> SimulationError:
     """Return the error that names this joint, with the state as arrays."""
     shape, name = (chain.joint_count,), chain.joint_names[joint]
     body = chain.body_of(name)
@@ -39,7 +43,7 @@ def no_acceleration(chain: Chain, joint: int, why: str, position, velocity) -> S
                            reason='singular' if 'singular' in why else 'not_finite')
 
 
-def joint_rows(chain: Chain, **given) -> list[np.ndarray]:
+def joint_rows(chain: Chain, **given: Any) -> list[np.ndarray]:
     """`given` as finite float64 arrays (..., joints) of one common shape; ValueError names the argument."""
     plan_of(chain)   # which refuses what is none and one that cannot be
     rows = [_kernel.finite_rows(name, values, chain.joint_count) for name, values in given.items()]
@@ -51,7 +55,7 @@ def joint_rows(chain: Chain, **given) -> list[np.ndarray]:
     return [np.broadcast_to(row, shape) for row in rows]
 
 
-def _for_each(ask, chain: Chain, **given) -> list:
+def _for_each(ask: Any, chain: Chain, **given: Any) -> list:
     """
     Return what `ask(chain, ...)` answers for arrays (..., joints), each part with the leading axes.
 
@@ -69,7 +73,8 @@ def _for_each(ask, chain: Chain, **given) -> list:
     return [np.array(part).reshape(*axes, *np.shape(part[0])) for part in parts]
 
 
-def forward_dynamics(chain: Chain, position, velocity, effort, form: str = 'auto') -> np.ndarray:
+def forward_dynamics(chain: Chain, position: ArrayLike, velocity: ArrayLike, effort: ArrayLike,
+                     form: str = 'auto') -> np.ndarray:
     """
     Joint accelerations (..., joints), rad/s^2 or m/s^2, under joint efforts in N m or N; leading axes are kept.
 
@@ -98,7 +103,7 @@ def forward_dynamics(chain: Chain, position, velocity, effort, form: str = 'auto
     return acceleration
 
 
-def inverse_dynamics(chain: Chain, position, velocity, acceleration) -> np.ndarray:
+def inverse_dynamics(chain: Chain, position: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike) -> np.ndarray:
     """
     Efforts (..., joints), N m or N, for these accelerations: the exact inverse of forward_dynamics (equations.md 6.1).
 
@@ -111,7 +116,7 @@ def inverse_dynamics(chain: Chain, position, velocity, acceleration) -> np.ndarr
                          acceleration=acceleration)[0]
 
 
-def mass_matrix(chain: Chain, position) -> np.ndarray:
+def mass_matrix(chain: Chain, position: ArrayLike) -> np.ndarray:
     """
     H (..., joints, joints) in joint coordinates, armature included; columns by equations.md 6.1.
 
@@ -123,7 +128,7 @@ def mass_matrix(chain: Chain, position) -> np.ndarray:
         return _for_each(mass_matrix, chain, position=position)[0]
 
 
-def energy(chain: Chain, position, velocity) -> tuple[float, float]:
+def energy(chain: Chain, position: ArrayLike, velocity: ArrayLike) -> tuple[float, float]:
     """
     Energies T with armature, V = -sum m g . r + springs, in J (equations.md 6.1).
 

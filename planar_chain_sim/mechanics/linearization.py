@@ -1,7 +1,7 @@
 """linearize: A and B of x' = A x + B u about a state, from the kernel's derivatives of inverse dynamics."""
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, TYPE_CHECKING
 
 import numpy as np
 
@@ -9,6 +9,9 @@ from .dynamics import no_acceleration
 from .plan import plan_of
 from .._kernel import REFUSALS
 from ..chain.chain import Chain
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 _WHY_NOT = {'singular': 'the configuration is singular', 'no_acceleration': 'the acceleration is not finite',
             'no_derivative': 'the derivatives of the acceleration are not finite'}
@@ -21,7 +24,7 @@ class Linearization(NamedTuple):
     B: np.ndarray
 
 
-def linearize(chain: Chain, position, velocity, effort) -> Linearization:
+def linearize(chain: Chain, position: ArrayLike, velocity: ArrayLike, effort: ArrayLike) -> Linearization:
     """
     Return A and B of d/dt (x - x0) = f(x0, u0) + A (x - x0) + B (u - u0), x = (position, velocity), u = effort.
 

@@ -3,13 +3,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import isfinite
-from typing import Mapping, NamedTuple
+from typing import Any, Mapping, NamedTuple, TYPE_CHECKING
 
 from .dynamics import joint_array
 from .plan import plan_of
 from .._kernel import plane_vector
 from ..chain.chain import altered, Chain
 from ..chain.tree import Body
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 
 class Wrench(NamedTuple):
@@ -20,7 +23,7 @@ class Wrench(NamedTuple):
     axes: str
 
 
-def _number(name: str, value) -> float:
+def _number(name: str, value: Any) -> float:
     return float(joint_array(name, [value], (1,))[0])
 
 
@@ -33,7 +36,7 @@ def index_of(chain: Chain, body: str) -> int:
     return index
 
 
-def checked_wrench(force, moment, axes: str) -> Wrench:
+def checked_wrench(force: ArrayLike, moment: Any, axes: str) -> Wrench:
     """Return the wrench of force [x, y], moment and axes; ValueError: a number that is not finite, other axes."""
     if axes not in ('body', 'world'):
         raise ValueError(f"axes is {axes!r:.80}, must be 'body' or 'world'")
@@ -59,7 +62,7 @@ def on_links(chain: Chain, wrenches: Mapping[str, Wrench]) -> list[tuple]:
     return told
 
 
-def with_payload(chain: Chain, body: str, mass: float, position, inertia_com: float, name: str) -> Chain:
+def with_payload(chain: Chain, body: str, mass: float, position: ArrayLike, inertia_com: float, name: str) -> Chain:
     """
     Return the chain with a payload welded to a body: its mass centre, m, in that body's frame, inertia about that.
 

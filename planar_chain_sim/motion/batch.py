@@ -4,7 +4,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 import os
-from typing import Any, Optional, Sequence, Union
+from typing import Any, Optional, Sequence, TYPE_CHECKING, Union
 
 import numpy as np
 
@@ -14,6 +14,9 @@ from .. import _kernel
 from ..chain.chain import Chain
 from ..mechanics.dynamics import joint_array
 from ..mechanics.plan import plan_of
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 
 @dataclass(frozen=True)
@@ -34,14 +37,15 @@ class BatchRun:
     ticks: np.ndarray
     failures: dict
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         scenes, rows, joints = self.position.shape
         kept = f'{rows} states each' if rows > 1 else 'the last state alone'
         return (f'BatchRun: {scenes} scenes, {joints} joints, to t = {self.time[-1]:g} s, {kept}; '
                 f'{len(self.failures) or "none"} failed')
 
 
-def rollout_batch(chain: Union[Chain, Sequence[Chain]], position=None, velocity=None, effort=None, *, duration: float,
+def rollout_batch(chain: Union[Chain, Sequence[Chain]], position: Optional[ArrayLike] = None,
+                  velocity: Optional[ArrayLike] = None, effort: Optional[ArrayLike] = None, *, duration: float,
                   step: float = 1e-3, method: str = 'auto', tolerance: Optional[float] = None, form: str = 'auto',
                   threads: Optional[int] = None, every_tick: bool = True) -> BatchRun:
     """
@@ -94,7 +98,7 @@ def rollout_batch(chain: Union[Chain, Sequence[Chain]], position=None, velocity=
     return BatchRun(time if every_tick else time[-1:], reached, rate, acted, done, failures)
 
 
-def _leading_axis(name: str, values, ticks: int, joints: int) -> np.ndarray:
+def _leading_axis(name: str, values: ArrayLike, ticks: int, joints: int) -> np.ndarray:
     """`values` with an axis of scenes, an effort with one of ticks too; ValueError: no such shape, not finite."""
     wanted = [(joints,), ('scenes', joints)] + [('scenes', ticks, joints)] * (name == 'effort')
     try:

@@ -4,7 +4,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from functools import cached_property
 from math import inf, log10, sqrt
-from typing import Optional
+from typing import Any, Optional
 
 from . import tableaux
 from .. import _kernel
@@ -42,12 +42,12 @@ class Method:
     c: tuple = ()
     gamma: float = 0.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if self.family not in _kernel.FAMILIES:
             raise ValueError(f'family of method {self.name!r} is {self.family!r}, must be one of '
                              f'{", ".join(map(repr, _kernel.FAMILIES))}')
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         order = f'order {self.order}' if self.order else 'order by the tolerance'
         return f'Method {self.name}: {self.family}, {order}, {"adaptive" if self.adaptive else "fixed step"}'
 
@@ -64,13 +64,13 @@ class Method:
         if self.family == 'semi-implicit':
             return 2.0, 2.0
 
-        def growth(z):
+        def growth(z: Any) -> Any:
             stages = []
             for row in self.a:
                 stages.append(1.0 + z * sum(a * stage for a, stage in zip(row, stages)))
             return abs(1.0 + z * sum(b * stage for b, stage in zip(self.b, stages)))
 
-        def extent(direction):
+        def extent(direction: Any) -> Any:
             reach = 0.0
             while growth((reach + 1e-2) * direction) <= 1.0 + 1e-6:
                 reach += 1e-2
@@ -84,14 +84,14 @@ class Method:
             self.a, (self.b,), self.error, self.dense_a, self.dense, self.c))
         return _kernel.Tableau(len(self.b), a, b, error, dense_a, dense, c, self.gamma)
 
-    def __getstate__(self):
+    def __getstate__(self) -> dict:
         return {entry.name: getattr(self, entry.name) for entry in fields(self)}  # what is kept besides is made again
 
 
 class Methods(dict):
     """Name -> Method."""
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"METHODS: {', '.join(self)}; METHODS[name] tells family, order, citation and what it conserves"
 
 
@@ -166,7 +166,7 @@ def taylor_order(tolerance: float) -> int:
     return min(24, max(8, round(10.0 - 0.8 * log10(tolerance))))
 
 
-def method_data(method: Method, tolerance: Optional[float], fixed: float = 0.0):
+def method_data(method: Method, tolerance: Optional[float], fixed: float = 0.0) -> Any:
     """
     Return what the kernel needs to know of a method and its tolerance.
 

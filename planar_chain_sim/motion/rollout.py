@@ -2,12 +2,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Optional
+from typing import Callable, Optional, TYPE_CHECKING, Union
 
 import numpy as np
 
 from .simulation import initial_state, Simulation, whole_ticks
 from ..chain.chain import Chain
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 
 @dataclass(frozen=True)
@@ -19,14 +22,15 @@ class Run:
     velocity: np.ndarray
     effort: np.ndarray
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         ticks, joints = self.effort.shape
         step = f' of {self.time[1] - self.time[0]:g} s' if ticks else ''
         return f'Run: {ticks} ticks{step}, {joints} joints, to t = {self.time[-1]:g} s'
 
 
-def rollout(chain: Chain, duration: float, step: float = 1e-3, method: str = 'auto', effort=None,
-            tolerance: Optional[float] = None, form: str = 'auto', position=None, velocity=None) -> Run:
+def rollout(chain: Chain, duration: float, step: float = 1e-3, method: str = 'auto',
+            effort: Union[ArrayLike, Callable[..., ArrayLike], None] = None, tolerance: Optional[float] = None,
+            form: str = 'auto', position: Optional[ArrayLike] = None, velocity: Optional[ArrayLike] = None) -> Run:
     """
     Simulate `duration` s from `position` and `velocity` (joints,); where one is None, from that of the chain.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from math import isfinite, ulp
 from threading import RLock
-from typing import Mapping, NamedTuple, Optional
+from typing import Any, Mapping, NamedTuple, Optional, TYPE_CHECKING
 from warnings import warn
 
 import numpy as np
@@ -27,6 +27,9 @@ from ..errors import SimulationError
 from ..mechanics.dynamics import joint_array, resolve_form
 from ..mechanics.loads import checked_wrench, index_of, on_links, with_payload, without_payload, Wrench
 from ..mechanics.plan import plan_of
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 # Why the kernel stopped, by what it calls the outcome.
 _WHY = {'singular': 'the configuration is singular', 'not_finite': 'the state ran away and would not be finite',
@@ -76,7 +79,7 @@ class Checkpoint:
     own_bodies: Optional[int] = None  # bodies beyond are payloads
     format: Optional[int] = None
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         name = getattr(self.chain, 'name', None)
         return f'Checkpoint of {name} at tick {self.tick}, method {self.method}, step {self.step} s'
 
@@ -107,7 +110,7 @@ def refuse_beyond_stops(chain: Chain, position: np.ndarray) -> None:
             raise beyond_stop(chain, index, beyond.flat[0])
 
 
-def resolve_method(chain: Chain, method: str, tolerance: Optional[float]):
+def resolve_method(chain: Chain, method: str, tolerance: Optional[float]) -> Any:
     """Row of METHODS and tolerance for a name or 'auto'; ValueError: unknown name, a tolerance that cannot be used."""
     if method != 'auto' and method not in METHODS:
         raise ValueError(f"method is {method!r}, must be 'auto' or one of {', '.join(map(repr, METHODS))}")
@@ -124,7 +127,7 @@ def resolve_method(chain: Chain, method: str, tolerance: Optional[float]):
     return METHODS[method], None if tolerance is None else float(tolerance)
 
 
-def stop_error(chain: Chain, tick: int, time: float, outcome: int, joint: int, position, velocity,
+def stop_error(chain: Chain, tick: int, time: float, outcome: int, joint: int, position: ArrayLike, velocity: ArrayLike,
                where: str = '') -> SimulationError:
     """Why the kernel stopped at this last good state, as an error to raise or to keep."""
     name = chain.joint_names[joint]
@@ -153,7 +156,7 @@ class Simulation:
     """
 
     def __init__(self, chain: Chain, method: str = 'auto', step: float = 1e-3, tolerance: Optional[float] = None,
-                 form: str = 'auto'):
+                 form: str = 'auto') -> None:
         if not (isinstance(step, (int, float, np.floating)) and 0.0 < step < 1e308):
             raise ValueError(f'step is {step!r}, must be a positive finite number of seconds')
         if form == 'reference':
@@ -177,14 +180,14 @@ class Simulation:
         self._changing = RLock()       # of what is kept here and not in the kernel
         self.set_state(*initial_state(chain))
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return (f'Simulation of {self.chain.name} at tick {self.tick}, t = {self.time:g} s: '
                 f'{self.chain.joint_count} joints, method {self.method}, tick {self.step:g} s; plan tells more')
 
-    def _make_stepper(self, chain: Chain, form: str):
+    def _make_stepper(self, chain: Chain, form: str) -> Any:
         return _kernel.Stepper(plan_of(chain).model, method_data(self._row, self.tolerance), self.step, form == 'dense')
 
-    def __getstate__(self):
+    def __getstate__(self) -> dict:
         self._stepper.wait()
         with self._changing:
             self._untaken = self.take_events()
@@ -194,7 +197,7 @@ class Simulation:
                          _stepper=(*saved, self._stepper.told))
         return state
 
-    def __setstate__(self, state):
+    def __setstate__(self, state: Any) -> None:
         *saved, told = state['_stepper']
         vars(self).update(state, _row=METHODS[state['method']], _changing=RLock())
         self._stepper = self._make_stepper(self.chain, self.form)
@@ -272,7 +275,7 @@ class Simulation:
             untaken, self._untaken = self._untaken, []
         return untaken + [self._joint_event(*event) for event in fresh]
 
-    def _joint_event(self, tick, offset, kind, joint, speed) -> JointEvent:
+    def _joint_event(self, tick: Any, offset: Any, kind: Any, joint: Any, speed: Any) -> JointEvent:
         return JointEvent(tick, tick * self.step + offset, EVENT_KINDS[kind], self.chain.joint_names[joint], speed)
 
     @property
@@ -284,7 +287,7 @@ class Simulation:
         return (f'{plan_of(self.chain)}; method {self.method}{why}, order {order}, tick {self.step:g} s; '
                 f'form {self.form}{self._why_form}')
 
-    def set_state(self, position, velocity) -> None:
+    def set_state(self, position: ArrayLike, velocity: ArrayLike) -> None:
         """
         Put joint positions and velocities (joints,); time is unchanged, hidden round-off terms are cleared.
 
@@ -315,7 +318,7 @@ class Simulation:
             if bare not in self._bare_chains:
                 self._bare_chains += (bare,)
 
-    def _go_on_with(self, chain: Chain, wrenches: Mapping[str, Wrench], fresh, with_state: bool) -> None:
+    def _go_on_with(self, chain: Chain, wrenches: Mapping[str, Wrench], fresh: Any, with_state: bool) -> None:
         """Put the stepper `fresh` of the chain in the place of the present one; with its own state, or the present."""
         counts, events = self._stepper.adopt(fresh, with_state)
         self._counted = tuple(before + count for before, count in zip(self._counted, counts))
@@ -332,7 +335,7 @@ class Simulation:
         """The wrenches that act, by body."""
         return dict(self._wrenches)
 
-    def set_wrench(self, body: str, force=(0.0, 0.0), moment: float = 0.0, axes: str = 'body') -> None:
+    def set_wrench(self, body: str, force: ArrayLike = (0.0, 0.0), moment: float = 0.0, axes: str = 'body') -> None:
         """
         Let a force and a moment act on a body from now on, in place of the last ones; zero takes them away.
 
@@ -369,7 +372,7 @@ class Simulation:
         self._stepper.set_wrenches(on_links(self.chain, wrenches))
         self._wrenches = wrenches
 
-    def attach(self, body: str, mass: float, position=(0.0, 0.0), inertia_com: float = 0.0,
+    def attach(self, body: str, mass: float, position: ArrayLike = (0.0, 0.0), inertia_com: float = 0.0,
                name: str = 'payload') -> None:
         """
         Weld a payload to a body: from now on it is part of the chain, for which the plan is made anew.
@@ -398,7 +401,7 @@ class Simulation:
         with self._changing:
             return tuple(before + count for before, count in zip(self._counted, self._stepper.counts))
 
-    def advance(self, ticks: int, effort=None, record: Optional[tuple] = None) -> None:
+    def advance(self, ticks: int, effort: Optional[ArrayLike] = None, record: Optional[tuple] = None) -> None:
         """
         Go on for `ticks` ticks under `effort`, N m or N: (joints,) is held, (ticks, joints) a row per tick, None zero.
 
@@ -444,7 +447,7 @@ class Simulation:
     def _error(self, outcome: int, joint: int) -> SimulationError:
         return stop_error(self.chain, self.tick, self.time, outcome, joint, self.position, self.velocity)
 
-    def advance_to(self, time: float, effort=None) -> None:
+    def advance_to(self, time: float, effort: Optional[ArrayLike] = None) -> None:
         """
         Go on to exactly `time` s under `effort` as in advance; an adaptive method may stop between two ticks.
 
@@ -530,7 +533,7 @@ class Simulation:
         return saved.chain, saved.own_bodies
 
 
-def _is_number(given) -> bool:
+def _is_number(given: Any) -> bool:
     """Whether it is one real number; NumPy takes spans of time for integers."""
     return isinstance(given, (int, float, np.integer, np.floating)) and not isinstance(given, np.timedelta64)
 

@@ -32,7 +32,7 @@ class _Messages(NamedTuple):
     ends: np.ndarray
     data: bytes
 
-    def each(self):
+    def each(self) -> Any:
         """Yield the bytes of each message."""
         start = 0
         for end in self.ends.tolist():
@@ -65,7 +65,7 @@ class Log:
     _events: list = field(default_factory=list)      # of _Messages
     _commands: list = field(default_factory=list)
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         torn = '' if self.complete else ', not closed properly'
         end = f', t = {self.time[0]:g} to {self.time[-1]:g} s' if len(self.time) else ''
         events, commands = (sum(len(each.ends) for each in part) for part in (self._events, self._commands))
@@ -89,7 +89,7 @@ class Log:
                     for messages in self._commands for time, data in zip(messages.times.tolist(), messages.each())]
         return sorted(commands, key=lambda command: command['received'])
 
-    def to_pandas(self):
+    def to_pandas(self) -> Any:
         """
         Return a pandas.DataFrame: index time, s; columns (quantity, joint), as in frame['position']['elbow'].
 
@@ -105,7 +105,7 @@ class Log:
         return DataFrame(np.hstack((self.position, self.velocity, effort)), Index(self.time, name='time'), columns)
 
 
-def load_log(path) -> Log:
+def load_log(path: Any) -> Log:
     """
     Return the Log of a file that the simulator, `rollout` or OfflineLog wrote.
 
@@ -154,14 +154,14 @@ def _load(file: LogFile) -> Log:
 class _States:
     """The states of a log, gathered from chunk after chunk; LogError at one that cannot be."""
 
-    def __init__(self, file: LogFile, chain: Chain, first_tick: int):
+    def __init__(self, file: LogFile, chain: Chain, first_tick: int) -> None:
         self._file, self._chain, self._first = file, chain, first_tick
         self._layout: Any = None             # of nearly all messages
         self._template: Any = None           # such a message
         self._fixed: Any = None              # which of its bytes never change
         self._sequences, self._numbers = array('I'), (array('d'), array('d'), array('d'))   # which grow in place
 
-    def add(self, content: bytes, octets: np.ndarray, start, end, sequence) -> None:
+    def add(self, content: bytes, octets: np.ndarray, start: Any, end: Any, sequence: Any) -> None:
         """Take the messages from `start` to `end` in a chunk."""
         if self._layout is None:
             self._lay_out(self._decoded(content[start[0]:end[0]], sequence[0]).frame_id)
@@ -210,7 +210,7 @@ class _States:
         self._fixed = messages[0] == messages[1]
         self._fixed[4:12] = False   # the stamp
 
-    def _decoded(self, data: bytes, sequence: int):
+    def _decoded(self, data: bytes, sequence: int) -> Any:
         try:
             state = decode_joint_state(data)
         except CdrError as error:

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import json
 from time import perf_counter
-from typing import Callable
+from typing import Any, Callable, Optional, TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from ..chain.quantities import QUANTITIES, to_json
 from ..errors import SimulationError
 from ..mechanics.dynamics import joint_array
 from ..motion.simulation import Interrupted, Simulation
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 STATE_TOPIC, EVENTS_TOPIC = '/joint_states', '/simulator/events'   # what the node would publish them on
 CHUNK = 1000   # ticks between two calls of `progress`, at most
@@ -39,7 +42,7 @@ class OfflineLog:
             log.advance(1000)
     """
 
-    def __init__(self, path, simulation: Simulation, compression: str = 'none'):
+    def __init__(self, path: Any, simulation: Simulation, compression: str = 'none') -> None:
         self._simulation, joints = simulation, simulation.chain.joint_count
         if simulation.time != simulation.tick * simulation.step:
             raise ValueError(f'the simulation is at t = {simulation.time!r} s, between two ticks, must be at one')
@@ -56,14 +59,15 @@ class OfflineLog:
     def __enter__(self) -> 'OfflineLog':
         return self
 
-    def __exit__(self, *exception) -> None:
+    def __exit__(self, *exception: Any) -> None:
         self.close()
 
     def close(self) -> None:
         """Finish the file; LogError where that fails."""
         self._writer.close()
 
-    def advance(self, ticks: int, effort=None, progress: Callable[[int], object] = lambda ticks: None) -> None:
+    def advance(self, ticks: int, effort: Optional[ArrayLike] = None,
+                progress: Callable[[int], object] = lambda ticks: None) -> None:
         """
         Advance `ticks` ticks under `effort`, N m or N: (joints,) is held, (ticks, joints) a row per tick, None zero.
 
@@ -98,7 +102,7 @@ class OfflineLog:
             start, quick = start + count, perf_counter() - began < LONG
             chunk = min(CHUNK, 2 * chunk) if quick else max(1, chunk // 2)
 
-    def change(self, kind: str, **data) -> None:
+    def change(self, kind: str, **data: Any) -> None:
         """
         Change the simulation at its present tick and log that.
 
@@ -128,7 +132,7 @@ class OfflineLog:
         if before != (simulation.position.tobytes(), simulation.velocity.tobytes()):
             self._write_state(simulation.tick, simulation.position, simulation.velocity, simulation.effort)
 
-    def _checked_effort(self, ticks: int, effort) -> np.ndarray:
+    def _checked_effort(self, ticks: int, effort: Any) -> np.ndarray:
         """Return efforts as float64, (joints,) or (ticks, joints); ValueError."""
         if not isinstance(ticks, (int, np.integer)) or isinstance(ticks, bool) or ticks < 0:
             raise ValueError(f'ticks is {ticks!r}, must be a whole number >= 0')
@@ -155,14 +159,14 @@ class OfflineLog:
             self._write_event(simulation.tick, 'wrench', {
                 'body': body, 'force': [force.real, force.imag], 'moment': moment, 'axes': axes})
 
-    def _write_state(self, tick: int, position, velocity, effort) -> None:
+    def _write_state(self, tick: int, position: Any, velocity: Any, effort: Any) -> None:
         """Append the state (joints,) of a tick with the effort that acted over the tick before it."""
         layout, self._tick = self._layout, tick
         layout.position[:], layout.velocity[:], layout.effort[:] = position, velocity, effort
         time = self._nanoseconds(tick)
         self._writer.write(STATE_TOPIC, layout.stamped(time), time, time, tick)
 
-    def _write_command(self, tick: int, effort) -> None:
+    def _write_command(self, tick: int, effort: Any) -> None:
         """Append the event of a commanded effort (joints,) that acts from this tick on, if it differs from the last."""
         if effort.tobytes() != self._held.tobytes():
             self._held = effort.copy()
@@ -178,7 +182,7 @@ class OfflineLog:
         return round(tick * self._step * 1e9)
 
 
-def _plain(value):
+def _plain(value: Any) -> Any:
     """Return what json.dumps cannot write, a NumPy array or number, as plain data."""
     if isinstance(value, (np.ndarray, np.generic)):
         return value.tolist()

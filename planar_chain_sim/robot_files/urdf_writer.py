@@ -16,7 +16,7 @@ from __future__ import annotations
 import cmath
 from math import hypot, inf, pi
 import re
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
 from ..chain.chain import Chain
@@ -82,7 +82,7 @@ def link_names(chain: Chain) -> tuple[dict, dict]:
 class _Names:
     """Names that are all different."""
 
-    def __init__(self, *taken):
+    def __init__(self, *taken: Any) -> None:
         self._taken = set(taken)
 
     def new(self, name: str) -> str:
@@ -134,11 +134,12 @@ def _numbers(*values: float) -> str:
     return ' '.join(repr(float(value) + 0.0) for value in values)  # + 0.0: no -0.0
 
 
-def _origin(element, offset: complex, rpy=(0.0, 0.0, 0.0)) -> None:
+def _origin(element: Any, offset: complex, rpy: Any = (0.0, 0.0, 0.0)) -> None:
     ElementTree.SubElement(element, 'origin', xyz=_numbers(offset.real, offset.imag, 0.0), rpy=_numbers(*rpy))
 
 
-def _joint(robot, name: str, kind: str, parent: str, child: str, origin: complex = 0j, rpy=(0.0, 0.0, 0.0)):
+def _joint(robot: Any, name: str, kind: str, parent: str, child: str, origin: complex = 0j,
+           rpy: tuple = (0.0, 0.0, 0.0)) -> Any:
     joint = ElementTree.SubElement(robot, 'joint', name=name, type=kind)
     ElementTree.SubElement(joint, 'parent', link=parent)
     ElementTree.SubElement(joint, 'child', link=child)
@@ -146,14 +147,14 @@ def _joint(robot, name: str, kind: str, parent: str, child: str, origin: complex
     return joint
 
 
-def _rotation(robot, joint: Joint, parent: str, child: str, origin: complex, angle: float) -> None:
+def _rotation(robot: Any, joint: Joint, parent: str, child: str, origin: complex, angle: float) -> None:
     kind = 'revolute' if _stopped(joint) else 'continuous'
     element = _joint(robot, joint.name, kind, parent, child, origin, (0.0, 0.0, angle))
     ElementTree.SubElement(element, 'axis', xyz=_numbers(0.0, 0.0, joint.axis))
     _laws(element, joint)
 
 
-def _slide(robot, joint: Joint, parent: str, child: str, origin: complex, angle: float) -> None:
+def _slide(robot: Any, joint: Joint, parent: str, child: str, origin: complex, angle: float) -> None:
     element = _joint(robot, joint.name, 'prismatic', parent, child, origin, (0.0, 0.0, angle))
     along = cmath.rect(1.0, joint.axis - angle)  # in the joint's frame, which is the child's
     ElementTree.SubElement(element, 'axis', xyz=_numbers(along.real, along.imag, 0.0))
@@ -164,7 +165,7 @@ def _stopped(joint: Joint) -> bool:
     return joint.lower > -inf or joint.upper < inf
 
 
-def _laws(element, joint: Joint) -> None:
+def _laws(element: Any, joint: Joint) -> None:
     limits = {'lower': joint.lower, 'upper': joint.upper} if _stopped(joint) else {}
     if limits or joint.kind == 'slide' or joint.effort_limit < UNLIMITED:
         limits.update(effort=joint.effort_limit, velocity=UNLIMITED)
@@ -173,7 +174,7 @@ def _laws(element, joint: Joint) -> None:
     ElementTree.SubElement(element, 'dynamics', damping=_numbers(joint.damping), friction=_numbers(joint.friction))
 
 
-def _inertial(link, mass: _Mass) -> None:
+def _inertial(link: Any, mass: _Mass) -> None:
     if mass is not None and (mass.mass or mass.inertia):
         inertial = ElementTree.SubElement(link, 'inertial')
         _origin(inertial, mass.center)
@@ -182,7 +183,7 @@ def _inertial(link, mass: _Mass) -> None:
         ElementTree.SubElement(inertial, 'inertia', ixx=moment, iyy=moment, izz=moment, ixy='0.0', ixz='0.0', iyz='0.0')
 
 
-def _visuals(link, name: str, ends: list, color: tuple) -> None:
+def _visuals(link: Any, name: str, ends: list, color: tuple) -> None:
     for number, end in enumerate(ends):
         length = hypot(end.real, end.imag)
         visual = ElementTree.SubElement(link, 'visual')
@@ -195,7 +196,7 @@ def _visuals(link, name: str, ends: list, color: tuple) -> None:
             ElementTree.SubElement(material, 'color', rgba=_numbers(*color))
 
 
-def _ros2_control(robot, chain: Chain, commands: str, states: str) -> None:
+def _ros2_control(robot: Any, chain: Chain, commands: str, states: str) -> None:
     """Add what a controller_manager beside the simulator needs: its hardware is our two topics."""
     control = ElementTree.SubElement(robot, 'ros2_control', name='planar_chain_sim', type='system')
     hardware = ElementTree.SubElement(control, 'hardware')

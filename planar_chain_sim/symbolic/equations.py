@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 import operator
-from typing import Iterable, Optional, Union
+from typing import Iterable, Optional, TYPE_CHECKING, Union
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from ..mechanics.dynamics import forward_dynamics, joint_array
 from ..mechanics.path_matrix import motion_of_joints
 from ..mechanics.plan import plan_of
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
 COORDINATES = ('absolute', 'joint')
 
 
@@ -28,19 +31,19 @@ class Equations(Sequence):
     in the book's example, or 'joint', joints in file order; `unknowns` are the coordinates themselves.
     """
 
-    def __init__(self, chain: Chain, coordinates: str, trigonometric: bool, numeric: bool):
+    def __init__(self, chain: Chain, coordinates: str, trigonometric: bool, numeric: bool) -> None:
         self.chain, self.coordinates, self.trigonometric, self.numeric = chain, coordinates, trigonometric, numeric
         self._derivation = Derivation(chain, coordinates == 'absolute')
         self.unknowns: tuple[Coordinate, ...] = self._derivation.names.coordinates
         self._derived: dict[int, Equation] = {}     # scalar products, symbols
         self._made: dict[int, Equation] = {}        # in the form wanted
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         names = [f'{unknown.name} ({unknown.joint})' for unknown in self.unknowns]
         more = f', and {len(names) - 6} more' if len(names) > 6 else ''
         return f'Equations of {self.chain.name} in {self.coordinates} coordinates: {", ".join(names[:6])}{more}'
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self.unknowns)
 
     def __getitem__(self, key: Union[int, str]) -> Equation:   # type: ignore[override]
@@ -75,7 +78,8 @@ class Equations(Sequence):
         places = range(len(self)) if chosen is None else [equation.coordinate.place for equation in chosen]
         return {} if self.numeric else symbols_of(self._derivation, [self._derive(place) for place in places])
 
-    def state(self, position, velocity, acceleration=None, effort=None) -> State:
+    def state(self, position: ArrayLike, velocity: ArrayLike, acceleration: Optional[ArrayLike] = None,
+              effort: Optional[ArrayLike] = None) -> State:
         """
         Return a state at which terms can be evaluated; arrays (joints,) in joint coordinates, SI units.
 

@@ -112,8 +112,9 @@ def test_kernel_and_modules_come_from_the_workspace(workspace):
     assert places.returncode == 0, places.stderr
     for place in places.stdout.split():
         assert workspace in Path(place).resolve().parents
-    profile, = (Path(place).with_name('fast_dds.xml') for place in places.stdout.split() if '/ros/' in place)
-    assert profile.read_text() == (ROOT / NAME / 'ros' / 'fast_dds.xml').read_text()
+    package = Path(places.stdout.split()[0]).parent
+    for beside in ('py.typed', '__init__.pyi', 'ros/fast_dds.xml'):
+        assert (package / beside).read_text() == (ROOT / NAME / beside).read_text()
 
 
 def test_chain_file_is_found_in_the_ament_index(workspace):

@@ -15,3 +15,8 @@ def test_the_stub_has_every_public_name_from_its_own_module():
     assert imported == planar_chain_sim._HOME
     assert {*imported, *declared} == {*planar_chain_sim.__all__}
     assert (PACKAGE / 'py.typed').is_file()
+
+
+def test_types_are_wanted_of_every_module_with_public_names():
+    settings = (Path(__file__).parents[2] / 'pyproject.toml').read_text()
+    assert [name for name in planar_chain_sim._HOME.values() if f'"planar_chain_sim.{name}",' not in settings] == []
