@@ -6,7 +6,8 @@ out, or one ChainError sentence.
 """
 from __future__ import annotations
 
-from math import inf, isfinite
+from dataclasses import fields
+from math import isfinite
 from typing import Optional
 
 from .hold import read_hold, weld
@@ -18,20 +19,9 @@ from ..errors import ChainError
 CHAIN_KEYS = ('name', 'gravity', 'bodies', 'hold')
 BODY_KEYS = ('name', 'carrier', 'origin', 'angle', 'mass', 'center_of_mass', 'inertia', 'inertia_com', 'slide',
              'rotation', 'visual')
-JOINT_NUMBERS = {  # key: (default, least value, unit of a slide, unit of a rotation)
-    'damping': (0.0, 0.0, 'N s/m', 'N m s/rad'),
-    'stiffness': (0.0, 0.0, 'N/m', 'N m/rad'),
-    'rest': (0.0, None, 'm', 'rad'),
-    'friction': (0.0, 0.0, 'N', 'N m'),
-    'preload': (0.0, None, 'N', 'N m'),
-    'armature': (0.0, 0.0, 'kg', 'kg m^2'),
-    'effort_limit': (inf, 0.0, 'N', 'N m'),
-    'lower': (-inf, None, 'm', 'rad'),
-    'upper': (inf, None, 'm', 'rad'),
-    'restitution': (0.0, 0.0, '', ''),
-    'position': (0.0, None, 'm', 'rad'),
-    'velocity': (0.0, None, 'm/s', 'rad/s'),
-}
+JOINT_NUMBERS = {   # key: (default, least value, unit of a slide, unit of a rotation)
+    each.name: (each.default, *(each.metadata[key] for key in ('least', 'slide', 'rotation')))
+    for each in fields(Joint) if each.metadata}
 JOINT_KEYS = ('joint', 'axis', *JOINT_NUMBERS)
 GRAVITY = complex(0.0, -9.81)
 

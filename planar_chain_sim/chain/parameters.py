@@ -5,15 +5,14 @@ from collections.abc import Mapping
 from math import isinf
 from numbers import Integral
 
-from .checks import data_of
+from .checks import data_of, JOINT_NUMBERS
 from .section import as_number, clipped, plain, shown, suggestion
 from .tree import POINT_MASS, steiner_term, Tree
 from ..errors import ChainError
 
 AXES = {'x': 0, 'y': 1}
 OF_BODIES = ('mass', 'center_of_mass.x', 'center_of_mass.y', 'inertia', 'inertia_com', 'origin.x', 'origin.y', 'angle')
-OF_JOINTS = ('damping', 'stiffness', 'rest', 'friction', 'preload', 'armature', 'effort_limit', 'lower', 'upper',
-             'position', 'velocity')
+OF_JOINTS = tuple(key for key in JOINT_NUMBERS if key != 'restitution')
 
 
 def places_of(chain: Tree) -> dict[str, tuple]:

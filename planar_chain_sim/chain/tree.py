@@ -16,6 +16,11 @@ POINT_MASS = 1e-9     # relative: an inertia that falls short of m c^2 by less i
 ROUNDING = 1e-15      # relative: the same for an inertia above m c^2, where only the last bits can be doubted
 
 
+def _number(default: float, least: Optional[float], slide: str, rotation: str) -> float:
+    """Return the field of a number that a chain file may give: what it is without, its least value, its units."""
+    return field(default=default, metadata={'least': least, 'slide': slide, 'rotation': rotation})
+
+
 @dataclass(frozen=True)
 class Joint:
     """One joint of a body and the laws that act on its relative coordinate (rad or m, N m or N)."""
@@ -23,18 +28,18 @@ class Joint:
     name: str
     kind: str                   # 'slide' or 'rotation'
     axis: float                 # slide: direction in the carrier's frame, rad; rotation: +1.0 or -1.0
-    damping: float = 0.0        # N m s/rad or N s/m
-    stiffness: float = 0.0      # N m/rad or N/m
-    rest: float = 0.0           # coordinate at which the spring is slack
-    friction: float = 0.0       # Coulomb, N m or N
-    preload: float = 0.0        # effort that always acts, N m or N
-    armature: float = 0.0       # reflected inertia on the relative rate, kg m^2 or kg
-    effort_limit: float = inf   # N m or N
-    lower: float = -inf         # stops, rad or m
-    upper: float = inf
-    restitution: float = 0.0    # of the stops: speed after an impact per speed before
-    position: float = 0.0       # initial state
-    velocity: float = 0.0
+    damping: float = _number(0.0, 0.0, 'N s/m', 'N m s/rad')
+    stiffness: float = _number(0.0, 0.0, 'N/m', 'N m/rad')
+    rest: float = _number(0.0, None, 'm', 'rad')             # coordinate at which the spring is slack
+    friction: float = _number(0.0, 0.0, 'N', 'N m')          # Coulomb
+    preload: float = _number(0.0, None, 'N', 'N m')          # effort that always acts
+    armature: float = _number(0.0, 0.0, 'kg', 'kg m^2')      # reflected inertia on the relative rate
+    effort_limit: float = _number(inf, 0.0, 'N', 'N m')
+    lower: float = _number(-inf, None, 'm', 'rad')           # stops
+    upper: float = _number(inf, None, 'm', 'rad')
+    restitution: float = _number(0.0, 0.0, '', '')           # of the stops: speed after an impact per speed before
+    position: float = _number(0.0, None, 'm', 'rad')         # initial state
+    velocity: float = _number(0.0, None, 'm/s', 'rad/s')
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,8 @@ from __future__ import annotations
 from typing import Iterator, NamedTuple, Optional
 
 from .factors import Coordinate, Motion, Parts, ScalarProduct, SignOf, Symbol, Vector
-from .naming import LAWS, Names
+from .laws import ARMATURE, LAWS
+from .naming import Names
 from .terms import Coefficient, Equation, LEFT, RIGHT, Term
 from .trigonometry import written_out
 from ..chain.chain import Chain
@@ -180,23 +181,28 @@ class Derivation:
             self._add_laws(coordinate, i, body.rotation, ((1, self.names.turn[i]), *carrier), axis, slack)
 
     def _add_laws(self, coordinate: Coordinate, i: int, joint: Joint, relative: Parts, axis: int, slack: float) -> None:
-        armature, damper, spring, friction, preload = (self.names.of(letter, i) for letter in LAWS[joint.kind])
+        slide = joint.kind == 'slide'
+        armature = self.names.of(ARMATURE.letters[slide], i)
         rate = self.motion(1, relative)[1]
         for sign in (sign for sign, part in relative if part is coordinate):
             if armature:
                 for other, turn in relative:
                     self._collect(sign * other, 'acceleration', (armature,), (), None,
                                   (self.motion(2, ((1, turn),))[1],))
-            if spring:
-                rest = self._rest(i, relative, slack)
-                self._collect(-sign, 'spring', (spring,), (), None, (self.motion(0, relative, rest)[1],))
-            if damper:
-                self._collect(-sign, 'damping', (damper,), (), None, (rate,))
-            if friction:
-                self._collect(-sign, 'friction', (friction,), (), None,
-                              (self._signs.setdefault(rate, SignOf(rate)),))
-            if preload:
-                self._collect(sign * axis, 'preload', (preload,), (), None, ())
+            for law in LAWS:
+                number = self.names.of(law.letters[slide], i)
+                if not number:
+                    continue
+                if law.acts_on == 'displacement':
+                    against = self.motion(0, relative, self._rest(i, relative, slack))[1]
+                elif law.acts_on == 'rate':
+                    against = rate
+                elif law.acts_on == 'direction':
+                    against = self._signs.setdefault(rate, SignOf(rate))
+                else:
+                    self._collect(sign * axis, law.kind, (number,), (), None, ())
+                    continue
+                self._collect(-sign, law.kind, (number,), (), None, (against,))
             self._collect(sign * axis, 'effort', (), (), None, (self.names.effort[joint.name],))
 
     def _rest(self, i: int, relative: Parts, slack: float) -> Optional[Symbol]:

@@ -7,13 +7,14 @@ from .contributions import contributions, term_text
 from .equations import Equations
 from .factors import State
 from .latex_document import equation_rows, WRITER
+from .laws import LAWS
 from .notation import LATEX
 from .terms import Equation
 
 INK, PAPER = '#1f2933', '#ffffff'
 # Okabe and Ito's palette (2008), which the colour-blind can tell
 COLORS = {'acceleration': '#0072B2', 'squared rate': '#56B4E9', 'Coriolis': '#009E73', 'gravity': '#D55E00',
-          'spring': '#E69F00', 'damping': '#CC79A7', 'friction': '#999999', 'preload': '#F0E442', 'effort': '#000000'}
+          **{law.kind: law.color for law in LAWS}, 'effort': '#000000'}
 BARS = 12          # of one equation; what is smaller is one bar
 LONGEST = 65000    # pixels that the renderer takes in one direction
 DPI = 130

@@ -5,15 +5,9 @@ from cmath import phase
 from typing import Any
 
 from .factors import Coordinate, Effort, Parts, Symbol, Vector
+from .laws import ARMATURE, LAWS
 from ..chain.chain import Chain
 from ..chain.tree import BASE, Joint
-
-# letters of armature, damping, stiffness, friction and preload
-LAWS = {'rotation': ('Ia', 'd', 'k', 'tau_c', 'tau_p'), 'slide': ('ma', 'd_x', 'k_x', 'f_c', 'f_p')}
-LAW_UNITS = {'rotation': (('kg m^2', 'armature'), ('N m s/rad', 'damping'), ('N m/rad', 'stiffness'),
-                          ('N m', 'friction'), ('N m', 'preload')),
-             'slide': (('kg', 'armature'), ('N s/m', 'damping'), ('N/m', 'stiffness'), ('N', 'friction'),
-                       ('N', 'preload'))}
 
 
 class Names:
@@ -69,9 +63,9 @@ class Names:
         name = joint.name
         if joint.kind == 'slide':
             self.keep('epsilon', i, joint.axis, 'rad', f"direction of {name} in the carrier's frame")
-        values = joint.armature, joint.damping, joint.stiffness, joint.friction, joint.preload
-        for letter, value, (unit, meaning) in zip(LAWS[joint.kind], values, LAW_UNITS[joint.kind]):
-            self.keep(letter, i, value, unit, f'{meaning} of {name}')
+        slide = joint.kind == 'slide'
+        for law in (ARMATURE, *LAWS):
+            self.keep(law.letters[slide], i, getattr(joint, law.number), law.units[slide], f'{law.number} of {name}')
 
     def _name_coordinates(self) -> tuple[Coordinate, ...]:
         """Absolute: angles, then slides, as (5.90) to (5.94) are ordered; else joints in file order."""

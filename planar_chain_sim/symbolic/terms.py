@@ -10,9 +10,10 @@ from functools import cached_property
 from math import prod
 
 from .factors import Coordinate, Factor, State, sum_of, Symbol
+from .laws import LAWS
 
 LEFT = ('acceleration', 'squared rate', 'Coriolis')                      # kinds of terms, in the order of 5.4.8
-RIGHT = ('gravity', 'spring', 'damping', 'friction', 'preload', 'effort')
+RIGHT = ('gravity', *(law.kind for law in LAWS), 'effort')
 
 
 @dataclass(frozen=True)
