@@ -1,15 +1,7 @@
 """
 planar_chain_sim: planar chains and trees of rigid bodies by Arczewski's path-matrix equations of motion.
 
-The map: data in `chain`, its numbers by name in `chain_parameters`, files of it in `chain_file`, what is refused in
-`chain_section` and `chain_checks`; topology S, P, M, with (5.60), in `path_matrix`; (5.87) and (5.88) in
-`equations_of_motion`; laws of joint effort in `joint_forces`; energy, (5.65) and (5.72), in `invariants`; the O(n)
-recursion in `kernel/forms/recursive.hpp`, prepared by `plan` and called by `dynamics`; poses, momentum and reaction
-forces in `body_poses`; methods in `integrators`, their coefficients in `tableaux`; derivatives of the equations in
-`kernel/forms/jacobian.hpp`, called by `linearization`; the same equations term by term in `symbolic`; stops and dry
-friction in `kernel/events/events.hpp` and `kernel/events/holding.hpp`; wrenches and payloads in `loads`; numbers of a
-chain that may change in `quantities`; time in `simulation`; how a long call is stopped in
-`kernel/integrators/lookout.hpp` and `kernel/python/turn.hpp`; logs in `recording`; everything that needs ROS in `ros`.
+`docs/architecture.md` is the map: the rooms, what is in each, and which of them may import which.
 
 Names are loaded when first used, so that an executable's first statement can be its signal handlers.
 """
