@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import inf, isfinite
-from typing import Callable
+from typing import Callable, Optional
 
 import numpy as np
 
@@ -16,20 +16,20 @@ from ..chain.chain import Chain
 from ..chain.tree import Joint
 
 
-def _no_energy(joint: Joint, position: float) -> float:
-    return 0.0
-
-
 @dataclass(frozen=True)
 class JointForce:
-    """One law: `effort(joint, position, velocity)` in N m or N and `energy(joint, position)` in J."""
+    """
+    One law: `effort(joint, position, velocity)` in N m or N, of numbers or arrays, and `energy(joint, position)` in J.
+
+    `energy` is None where the law stores none: then its effort depends on the velocity alone.
+    """
 
     name: str
     formula: str
     acts_on: Callable[[Joint], bool]
     effort: Callable[[Joint, float, float], float]
     numbers: Callable[[Joint], tuple]     # in the order of the kernel's header
-    energy: Callable[[Joint, float], float] = _no_energy
+    energy: Optional[Callable[[Joint, float], float]] = None
 
 
 JOINT_FORCES = (
@@ -45,7 +45,7 @@ JOINT_FORCES = (
                lambda joint: (joint.preload,),
                lambda joint, position: -joint.preload * position),
     JointForce('friction', "-tau_c sgn(theta')", lambda joint: joint.friction > 0.0,
-               lambda joint, position, velocity: -joint.friction * float(np.sign(velocity)),
+               lambda joint, position, velocity: -joint.friction * np.sign(velocity),
                lambda joint: (joint.friction,)),
 )
 
@@ -65,7 +65,8 @@ def passive_effort(chain: Chain, position: np.ndarray, velocity: np.ndarray) -> 
 def stored_energy(chain: Chain, position: np.ndarray) -> float:
     """Energy in the springs and of the preloads, J."""
     return sum((law.energy(joint, q)
-                for joint, q in zip(chain.joints, position) for law in JOINT_FORCES if law.acts_on(joint)), 0.0)
+                for joint, q in zip(chain.joints, position) for law in JOINT_FORCES
+                if law.energy is not None and law.acts_on(joint)), 0.0)
 
 
 def teach_kernel(model, chain: Chain) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 from ..chain.chain import Chain
 from ..chain.tree import BASE
 from ..mechanics.dynamics import energy
+from ..mechanics.joint_forces import JOINT_FORCES
 
 ROWS = 1024  # ticks between two sums
 
@@ -35,8 +36,8 @@ class EnergyBalance:
         """Begin anew from a state (joints,), where the chain or the state was changed from outside."""
         self._chain = chain
         self._rows.clear()
-        self._damping = np.array([joint.damping for joint in chain.joints])
-        self._friction = np.array([joint.friction for joint in chain.joints])
+        self._losses = [(k, joint, law) for k, joint in enumerate(chain.joints) for law in JOINT_FORCES
+                        if law.energy is None and law.acts_on(joint)]
         self._last = np.array([position, velocity])
         self._start = sum(energy(chain, position, velocity))
         self._work = self._loss = self.error = 0.0
@@ -76,8 +77,10 @@ class EnergyBalance:
         for index, (force, moment) in self._forces.items():
             self._work += self._work_of(index, force[:count], moment[:count], position, velocity)
             force[:], moment[:] = force[-1], moment[-1]
-        for law in (lambda rate: self._damping * rate**2, lambda rate: self._friction * abs(rate)):
-            self._loss += self._step / 6.0 * float((law(velocity[:-1]) + 4.0 * law(middle) + law(velocity[1:])).sum())
+        for k, joint, law in self._losses:
+            first, half, last = (-law.effort(joint, 0.0, rate) * rate
+                                 for rate in (velocity[:-1, k], middle[:, k], velocity[1:, k]))
+            self._loss += self._step / 6.0 * float((first + 4.0 * half + last).sum())
         kinetic, potential = energy(self._chain, position[-1], velocity[-1])
         self.error = kinetic + potential - self._start - self._work + self._loss
         self.size = max(self.size, kinetic, abs(potential), abs(self._work), self._loss)
