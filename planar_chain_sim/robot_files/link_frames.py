@@ -11,7 +11,8 @@ from typing import NamedTuple, Optional
 
 import numpy as np
 
-from .planar_robot import body_names, child_place, planar_data
+from .planar_robot import body_names, planar_data
+from .spatial_robot import child_place
 from .urdf_reader import Reader
 from .xml_elements import read_xml
 

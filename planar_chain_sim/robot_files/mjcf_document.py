@@ -11,7 +11,7 @@ from typing import Any, NoReturn, Optional
 
 import numpy as np
 
-from .planar_robot import turn_about
+from .spatial_robot import turn_about
 from .xml_elements import read_xml
 from ..chain.section import clipped, suggestion
 from ..errors import ChainError

@@ -12,10 +12,12 @@ import warnings
 
 import numpy as np
 
+from .account import account, quoted
 from .mjcf_bodies import Hinge, Mechanism, new_name
+from .mjcf_contacts import Touching
 from .mjcf_document import Classes, Element
-from .mjcf_geoms import Touching
-from .planar_robot import account, chain_of, Link, planar_data, quoted, SpatialJoint, SpatialRobot, turn_about
+from .planar_robot import chain_of, planar_data
+from .spatial_robot import Link, SpatialJoint, SpatialRobot, turn_about
 from ..chain.chain import Chain
 from ..chain.hold import held_at
 from ..chain.section import clipped, suggestion

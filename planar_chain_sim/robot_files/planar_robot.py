@@ -11,92 +11,30 @@ the arm, with the inertia of everything it carries and the weight along the norm
 """
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 import re
-from typing import Any, NamedTuple, Optional
+from typing import Any
 
 import numpy as np
 
+from .account import quoted
+from .spatial_robot import child_place, places_of, Plane, SpatialRobot, turn_about
 from ..chain.chain import chain_from_dict
 from ..chain.section import clipped
 from ..errors import ChainError
 from ..mechanics.solvable import SingularError
 
 PARALLEL = 5e-3     # rad; files have angles such as 1.57
-EXACT = 1e-6        # rad; above it the line names the largest angle
 TINY = 1e-12        # m, kg m^2: what is smaller is the rounding of a turned frame
-GRAVITY = 9.81      # m/s^2 along -z, as everywhere where URDF is used
 DIRECTIONS = 64     # of axes that are tried as the plane's normal
 UP = np.array([0.0, 0.0, 1.0])
 HERE = 'on this body or outboard of it'
 KEYS, IN_LINK = re.compile(r"bodies\[\d+\]\S*: body '(.*?)' key '([^']*)'"), r"link '\1': \2"   # of a chain file
 
 
-@dataclass
-class Link:
-    """A rigid body: mass, kg; mass centre (3,), m; moments of inertia (3, 3) about it, kg m^2; in its own frame."""
-
-    name: str
-    mass: float = 0.0
-    center: np.ndarray = field(default_factory=lambda: np.zeros(3))
-    inertia: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)))
-
-
-@dataclass
-class SpatialJoint:
-    """
-    A joint: the child's frame in the parent's where it reads 0, and the unit axis in the child's.
-
-    `kind`: 'rotation', 'slide' or 'fixed'. `held`: where it is welded, None where it moves.
-    """
-
-    name: str
-    kind: str
-    parent: str
-    child: str
-    turn: np.ndarray
-    shift: np.ndarray
-    axis: np.ndarray
-    laws: dict
-    held: Optional[float] = None
-
-    @property
-    def moves(self) -> bool:
-        """Whether it is neither fixed nor held."""
-        return self.kind != 'fixed' and self.held is None
-
-
-class SpatialRobot(NamedTuple):
-    """
-    A tree: `links` by name, `joints` in an order in which a parent comes before its children.
-
-    `gravity`: m/s^2 in the root's frame.
-    """
-
-    name: str
-    root: str
-    links: dict
-    joints: list
-    gravity: tuple = (0.0, 0.0, -GRAVITY)
-
-
-class Plane(NamedTuple):
-    """
-    `basis` (3, 3): rows x, y and normal in the root's frame; `across`: the slides along the normal, by name.
-
-    `gravity` (3,): its components along x, y and the normal, m/s^2.
-    """
-
-    basis: np.ndarray
-    across: frozenset
-    largest_angle: float
-    gravity: np.ndarray
-
-
 def planar_data(robot: SpatialRobot, name: str) -> tuple[dict, Plane]:
     """Return the chain as the data of a chain file, and its plane; ChainError for a robot that is not planar."""
     with np.errstate(all='ignore'):   # what is not finite is refused where it lands
-        places = _place(robot, name)
+        places = places_of(robot, name)
         plane = _plane(robot, places, name)
         places = _straightened(robot, places, plane)
         carried = _carried(robot)
@@ -139,42 +77,6 @@ def _new_name(name: str, taken: set) -> str:
         name += '_'
     taken.add(name)
     return name
-
-
-def quoted(names, most: int = 6) -> str:
-    """Return names in quotes, joined by commas, the first `most` of them."""
-    names = list(names)
-    rest = f' and {len(names) - most} more' if len(names) > most else ''
-    return ', '.join(f"'{clipped(name)}'" for name in names[:most]) + rest
-
-
-def turn_about(axis: np.ndarray, angle: float) -> np.ndarray:
-    """Return the rotation matrix by an angle about a unit axis."""
-    x, y, z = axis
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
-
-
-def child_place(joint, turn: np.ndarray, shift: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return rotation and position of a joint's child from those of its parent."""
-    turn, shift = turn @ joint.turn, shift + turn @ joint.shift
-    if joint.held is not None and joint.kind == 'rotation':
-        turn = turn @ turn_about(joint.axis, joint.held)
-    elif joint.held is not None:
-        shift = shift + turn @ (joint.axis * joint.held)
-    return turn, shift
-
-
-def _place(robot, name: str) -> dict:
-    """Return link -> (rotation, position) against the root where all joints that move read 0."""
-    places = {robot.root: (np.eye(3), np.zeros(3))}
-    for joint in robot.joints:
-        turn, shift = child_place(joint, *places[joint.parent])
-        if not (np.isfinite(turn).all() and np.isfinite(shift).all()):
-            raise ChainError(f"{name}: joint '{clipped(joint.name)}' has a position that is not finite, must have a "
-                             'finite one')
-        places[joint.child] = turn, shift
-    return places
 
 
 def _straightened(robot, places, plane: Plane) -> dict:
@@ -374,33 +276,3 @@ def _lifts(robot, places, plane: Plane, carried) -> dict:
             slide['armature'] = slide.get('armature', 0.0) + mass
         lifts[name] = carrier, {'mass': parts[name] if name in stacked else 0.0, 'inertia_com': 0.0, 'slide': slide}
     return lifts
-
-
-def account(robot: SpatialRobot, chain, plane: Plane) -> list:
-    """Return what the line about a robot file says: joints, plane, gravity and changes to them."""
-    x, y, _ = plane.basis
-    parts = [f'joints {quoted(chain.joint_names, 16)}',
-             f'plane with x along {_direction(x)} and y along {_direction(y)} of link '
-             f"'{clipped(robot.root)}'",
-             f'gravity [{chain.gravity.real:.6g}, {chain.gravity.imag:.6g}] m/s^2']
-    if plane.largest_angle > EXACT:
-        parts.append(f'axes projected on the plane, from which they differ by up to {plane.largest_angle:.2g} rad')
-    if plane.across:
-        parts.append(f'along its normal, on their own, slide {quoted(plane.across)}')
-    held = [f"'{clipped(joint.name)}' at {joint.held:g}" for joint in robot.joints if joint.held is not None]
-    if held:
-        parts.append('held: ' + listed(held))
-    return parts
-
-
-def listed(texts: list, most: int = 6) -> str:
-    """Return texts joined by commas, the first `most` of them."""
-    return ', '.join(texts[:most]) + (f' and {len(texts) - most} more' if len(texts) > most else '')
-
-
-def _direction(vector: np.ndarray) -> str:
-    for sign in ('', '-'):
-        for axis, unit in zip('xyz', np.eye(3)):
-            if np.allclose(vector, unit if not sign else -unit, rtol=0.0, atol=5e-4):
-                return sign + axis
-    return '(' + ', '.join(f'{part + 0.0:.3g}' for part in vector) + ')'

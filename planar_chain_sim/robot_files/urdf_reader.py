@@ -13,7 +13,9 @@ import warnings
 
 import numpy as np
 
-from .planar_robot import account, chain_of, Link, listed, planar_data, quoted, SpatialJoint, SpatialRobot
+from .account import account, listed, quoted
+from .planar_robot import chain_of, planar_data
+from .spatial_robot import Link, SpatialJoint, SpatialRobot
 from .urdf_writer import UNLIMITED
 from .xml_elements import Element, read_xml
 from ..chain.chain import Chain

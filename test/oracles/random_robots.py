@@ -3,7 +3,7 @@ import mujoco
 import numpy as np
 import pinocchio
 
-from planar_chain_sim.robot_files.planar_robot import turn_about
+from planar_chain_sim.robot_files.spatial_robot import turn_about
 
 
 def direction(random) -> np.ndarray:
