@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import inf, isfinite
-from typing import Callable, Optional
+from typing import Any, Callable, Optional
 
 import numpy as np
 
@@ -27,7 +27,7 @@ class JointForce:
     name: str
     formula: str
     acts_on: Callable[[Joint], bool]
-    effort: Callable[[Joint, float, float], float]
+    effort: Callable[[Joint, Any, Any], Any]
     numbers: Callable[[Joint], tuple]     # in the order of the kernel's header
     energy: Optional[Callable[[Joint, float], float]] = None
 
