@@ -74,7 +74,7 @@ class Reader:
     """Somebody who reads a page and types what it says."""
 
     def __init__(self, folder: Path, tools: Path):
-        self.folder, self.names, self.output, self.before = folder, {}, '', []
+        self.folder, self.names, self.output, self.before = folder, {}, None, []
         for name in ('README.md', 'config', 'docs', 'examples', 'launch'):
             copy = shutil.copytree if (ROOT / name).is_dir() else shutil.copy
             copy(ROOT / name, folder / name)
@@ -93,7 +93,7 @@ class Reader:
             with redirect_stdout(printed):
                 exec(compile(block.text, str(block), 'exec'), self.names)
             self.output = printed.getvalue()
-        elif block.language == 'text':
+        elif block.language == 'text' and self.output is not None:   # before anything has been run it is a drawing
             self.compare(block)
         elif block.language == 'yaml':
             assert yaml.safe_load(block.text), block
