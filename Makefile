@@ -7,10 +7,12 @@ KERNEL := planar_chain_sim/kernel
 # Scripts in a virtual environment hold absolute paths, so one that was moved or copied is stale: stamps bear the folder.
 FOLDER := $(shell pwd | cksum | cut -d ' ' -f 1)
 RUN_READY := $(VENV)/run-ready-$(FOLDER)
+CHECK_READY := $(VENV)/check-ready-$(FOLDER)
 TEST_READY := $(VENV)/test-ready-$(FOLDER)
 BENCH_READY := $(VENV)/bench-ready-$(FOLDER)
 DOCS_READY := $(VENV)/docs-ready-$(FOLDER)
 RUN_EXTRAS := ros,pictures
+CHECK_EXTRAS := test
 TEST_EXTRAS := ros,test
 BENCH_EXTRAS := ros,benchmark
 DOCS_EXTRAS := ros,pictures,docs
@@ -25,7 +27,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # Stay on this machine unless told otherwise.
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
-.PHONY: run help test lint colcon docs bench soak fuzz races aarch64 clean
+.PHONY: run help check test lint colcon docs bench soak fuzz races aarch64 clean
 .NOTPARALLEL:
 
 run: $(RUN_READY)
@@ -33,7 +35,8 @@ run: $(RUN_READY)
 
 help:
 	@echo 'make run      simulate until Ctrl-C; ARGS="double_pendulum.yaml --ros-args -p rate:=500.0" are arguments'
-	@echo 'make test     run the tests; ARGS="test/ros/test_node.py -k pause" are arguments of pytest'
+	@echo 'make check    run the fast tests, none of which needs ROS: a minute or two'
+	@echo 'make test     run all tests; ARGS="test/ros/test_node.py -k pause" are arguments of pytest'
 	@echo 'make lint     style, types and compiler warnings'
 	@echo 'make colcon   build as a ROS 2 workspace does, below build/'
 	@echo 'make docs     write the page of the Python API into build/docs'
@@ -43,6 +46,9 @@ help:
 	@echo 'make clean    remove .venv and all that was built'
 	@echo 'The first run, test or bench makes .venv: a download of 250 MB (400 MB for tests) and a compilation.'
 	@echo 'PYTHON=python3.12 and CXX=clang++ choose the tools of a new .venv.'
+
+check: $(CHECK_READY)
+	$(PY) -m pytest --ignore test/ros -m 'not slow and not ros' $(ARGS)
 
 test: $(TEST_READY)
 	$(PY) -m pytest $(ARGS)
@@ -142,9 +148,13 @@ $(RUN_READY): $(SOURCES)
 	$(call set_up,$(RUN_EXTRAS))
 	@touch $(RUN_READY)
 
+$(CHECK_READY): $(SOURCES)
+	$(call set_up,$(CHECK_EXTRAS))
+	@touch $(CHECK_READY)
+
 $(TEST_READY): $(SOURCES)
 	$(call set_up,$(TEST_EXTRAS))
-	@touch $(RUN_READY) $(TEST_READY)
+	@touch $(RUN_READY) $(CHECK_READY) $(TEST_READY)
 
 $(DOCS_READY): $(SOURCES)
 	$(call set_up,$(DOCS_EXTRAS))

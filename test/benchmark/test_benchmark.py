@@ -36,6 +36,7 @@ def folder(tmp_path_factory):
     return made
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('suite', ['work-precision', 'step-time', 'calls', 'scaling', 'skipping', 'energy'])
 def test_suite_writes_its_table(suite, folder):
     header, *rows = table_of(folder / f'{suite}.csv')
@@ -47,6 +48,7 @@ def test_suite_writes_its_table(suite, folder):
         assert (folder / 'work-precision_summary.csv').exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('suite', ['work-precision', 'step-time', 'scaling', 'batch'])
 def test_suite_draws_its_picture(suite, folder):
     assert (folder / f'{suite}.svg').read_bytes().startswith(b'<?xml')
@@ -241,11 +243,13 @@ def stability_table():
     return list(stability.rows(found, quick=True))
 
 
+@pytest.mark.slow
 def test_every_number_of_the_stability_suite_holds(stability_table):
     assert {row[0] for row in stability_table} == set(stability.SCENES) and len(stability_table) > 80
     assert [row for row in stability_table if row[4] != 'yes' and not row[4].startswith('not run: ROS 2')] == []
 
 
+@pytest.mark.slow
 def test_mujoco_runs_what_it_can(stability_table):
     if 'MuJoCo' in (missing := open_peers(['MuJoCo'])[1]):
         pytest.skip(f'MuJoCo: {missing["MuJoCo"]}')
@@ -257,6 +261,7 @@ def test_mujoco_runs_what_it_can(stability_table):
     assert theirs['efforts', next(row[1] for row in stability_table if row[1].startswith('nan'))] > 0
 
 
+@pytest.mark.slow
 def test_the_stability_suite_is_drawn(stability_table, tmp_path):
     pytest.importorskip('matplotlib')
     stability.draw(stability_table, tmp_path / 'a.png')

@@ -230,6 +230,7 @@ def test_all_parameters_put_back_are_the_same_chain():
         assert same_bits(again, chain) and same_bits(chain_from_text(again.source), chain)
 
 
+@pytest.mark.slow
 def test_each_parameter_alone_can_be_varied_and_nothing_else_changes():
     random, changed = Random(7), 0
     for _ in range(25):

@@ -158,6 +158,7 @@ def test_an_output_that_exists_is_not_overwritten(name, arguments, folder, monke
     Path(output).unlink()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', MODULES)
 @pytest.mark.parametrize('arguments', [['--no-such-option'], ['a', 'b', 'c', 'd'], ['\u4e2d\udcff', '\n']])
 def test_every_executable_refuses_in_one_sentence(name, arguments, tmp_path):
@@ -167,6 +168,7 @@ def test_every_executable_refuses_in_one_sentence(name, arguments, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('columns', [80, 110])
 @pytest.mark.parametrize('name', MODULES)
 def test_help_is_as_wide_as_the_terminal_and_has_an_example(name, columns):
@@ -240,6 +242,7 @@ def different(folder):
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('unbuffered', ['', '1'])
 def test_a_reader_that_goes(folder, different, unbuffered, tmp_path):
     """As in `... | head`: nothing is said, the log is whole, and a difference is one."""
@@ -258,6 +261,7 @@ def test_a_reader_that_goes(folder, different, unbuffered, tmp_path):
         assert code_of(name, '--help') == 0
 
 
+@pytest.mark.slow
 def test_a_full_disk_is_one_sentence_and_no_difference(folder, different, tmp_path):
     for name, *arguments in (('resimulate', folder / 'run.mcap'), ('resimulate', different), ('equations', ROBOT),
                              ('rollout', ROBOT, '--duration', '0.1', '--output', tmp_path / 'run.mcap'),
@@ -289,6 +293,7 @@ def test_letters_that_the_locale_has_not_are_printed_as_escapes(tmp_path):
     assert command('resimulate', tmp_path / 'gr\u00fc\u00dfe.mcap').returncode == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('closed', ['2>&-', '>&-', '>&- 2>&-', '<&- >&- 2>&-'])
 def test_standard_streams_that_are_closed_are_as_if_nobody_reads(closed, tmp_path):
     """As some daemons start things; no file of ours gets the place of a stream."""

@@ -22,7 +22,8 @@ NAME = 'planar_chain_sim'
 EXECUTABLES = ['animate', 'benchmark', 'equations', 'example_controller', 'replay', 'resimulate', 'rollout',
                'simulator', 'urdf']
 LAYOUTS = {'copied': [], 'linked': ['--symlink-install']}
-NOT_SOURCES = shutil.ignore_patterns('.*', 'build', 'install', 'log', 'dist', '*.egg-info', '__pycache__', '*.so')
+NOT_SOURCES = shutil.ignore_patterns('.*', 'build', 'install', 'log', 'dist', '*.egg-info', '__pycache__', '*.so',
+                                     'MUJOCO_LOG.TXT')
 
 
 # Both layouts have the same sources: they are compiled once, and without optimisation, as nothing here is timed.
@@ -89,6 +90,7 @@ def run_installed(workspace, *command):
                           cwd=workspace.parent, capture_output=True, text=True, timeout=60)
 
 
+@pytest.mark.slow
 def test_installed_files_are_where_ros_looks(workspace):
     prefix = workspace / 'install' / NAME
     executables = sorted((prefix / 'lib' / NAME).iterdir())
@@ -104,6 +106,7 @@ def test_installed_files_are_where_ros_looks(workspace):
     assert {'view.launch.py', 'view.rviz', 'two_arms.launch.py', 'two_arms.yaml'} <= {*started}
 
 
+@pytest.mark.slow
 def test_kernel_and_modules_come_from_the_workspace(workspace):
     names = [NAME, f'{NAME}._kernel', *(f'{NAME}.{folder.name}' for folder in (ROOT / NAME).iterdir()
                                         if (folder / '__init__.py').exists())]
@@ -117,6 +120,7 @@ def test_kernel_and_modules_come_from_the_workspace(workspace):
         assert (package / beside).read_text() == (ROOT / NAME / beside).read_text()
 
 
+@pytest.mark.slow
 def test_chain_file_is_found_in_the_ament_index(workspace):
     place = run_installed(workspace, sys.executable, '-c', f'from {NAME}.chain_file import find_chain_file\n'
                           "print(find_chain_file('four_link_robot.yaml'))")
@@ -124,6 +128,7 @@ def test_chain_file_is_found_in_the_ament_index(workspace):
     assert place.stdout.strip() == str(expected), place.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', EXECUTABLES)
 def test_executable_shows_help(workspace, name):
     shown = run_installed(workspace, workspace / 'install' / NAME / 'lib' / NAME / name, '--help')
@@ -131,6 +136,7 @@ def test_executable_shows_help(workspace, name):
     assert name in shown.stdout
 
 
+@pytest.mark.slow
 def test_colcon_test_tests_what_is_installed(workspaces):
     workspace = workspaces['copied']
     run = colcon(workspace, 'test', '--event-handlers', 'console_direct+',

@@ -73,6 +73,7 @@ def differs(model, chain, seed):
     return abs(got - data.qacc).max() / scale, max(1e-12, 100 * condition * np.finfo(float).eps)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('hundred', range(6))
 def test_random_mechanisms_move_as_in_mujoco(hundred):
     """Oracle: 600 texts of every geom, pose, class, frame and compiler option that is read; 1e-12, or round-off."""
@@ -358,6 +359,7 @@ def test_hold_makes_a_plane_of_what_has_one_joint_too_many():
     assert "hold gives '30deg' to joint 'odd', must be a number (m), as it slides" in refusal(slide, 'odd=30deg')
 
 
+@pytest.mark.slow
 def test_what_is_said_never_to_touch_never_does():
     """Property: where the reader lets contacts be, MuJoCo finds none in any configuration; and it refuses not all."""
     accepted = 0
@@ -419,6 +421,7 @@ def torn(random, text):
     return text
 
 
+@pytest.mark.slow
 def test_a_torn_text_is_a_chain_or_a_sentence():
     refused = 0
     for seed in range(400):
@@ -432,6 +435,7 @@ def test_a_torn_text_is_a_chain_or_a_sentence():
     assert 100 < refused < 400
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('text', [
     '<mujoco>' + 100_000 * '<body>', '<mujoco><worldbody>' + 90_000 * '<geom size="1"/>' + '</worldbody></mujoco>',
     '<mujoco>' + 50_000 * '<default>' + '</mujoco>', '<mujoco>' + 1_000_000 * '<!--',

@@ -99,6 +99,7 @@ def test_a_damaged_text_is_a_chain_or_one_sentence():
     assert 30 < loaded < 500
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('text', [
     '<robot name="r">' + '<link name="a"/>' * 100_000, '<robot>' + 'x<a/>' * 300_000, '<robot>' + '<!---->' * 1_000_000,
     '<' * 1_000_000, '<!--' * 1_000_000, '<robot ' + ' '.join(f'a{k}=""' for k in range(300_000)) + '/>',

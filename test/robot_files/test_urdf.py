@@ -224,6 +224,7 @@ def torn(random, text):
     return ElementTree.tostring(root, encoding='unicode')
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings('ignore:.*effort limit 0')
 def test_a_torn_text_is_a_chain_or_a_sentence():
     refused = 0

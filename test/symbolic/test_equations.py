@@ -97,6 +97,7 @@ def example():
     return made
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('coordinates, trigonometric', EXAMPLES)
 def test_example_is_lagrange_symbol_for_symbol(coordinates, trigonometric, example):
     """Oracle: the terms of the JSON document, less Lagrange's equations from positions alone, are zero identically."""
@@ -164,6 +165,7 @@ def with_quarter_turns(chain, seed):
                 slide=body.slide and replace(body.slide, axis=quarter())) for body in chain.bodies))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('seed', range(20))
 def test_random_trees_are_lagrange_number_for_number(seed):
     """Oracle: every notation and form, read back and evaluated; numbers have 6 digits, in JSON all of them."""
@@ -206,6 +208,7 @@ def values_of(equations, state):
 # --- the reference form and the kernel
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('seed', range(200))
 def test_terms_evaluated_alone_add_up_to_the_reference_form_and_the_kernel(seed):
     """Twin: residuals of both, within rounding of the terms; the worst of these 200 trees is 5.7 eps."""

@@ -120,6 +120,7 @@ def test_terms_that_are_rounding_count_as_zero():
     assert [row.term.kind for row in contributions(equation, state)] == ['effort', 'acceleration']
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('ending, state', [('png', []), ('svg', ['--state', 'initial'])], ids=['equations', 'bars'])
 @pytest.mark.parametrize('form', [[], ['--joint', '--trigonometric', '--coordinate', 'gripper_joint'], ['--numeric']])
 def test_picture_is_drawn(ending, state, form, tmp_path, capsys):
