@@ -5,7 +5,8 @@ import re
 from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGES = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', ROOT / 'CHANGELOG.md', *sorted((ROOT / 'docs').glob('*.md'))]
+PAGES = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', ROOT / 'CHANGELOG.md', ROOT / 'examples/README.md',
+         *sorted((ROOT / 'docs').glob('*.md'))]
 LANGUAGES = ('bash', 'python', 'yaml', 'text', 'math')
 FENCE = re.compile(r' *```(.*)')
 UNTESTED = re.compile(r'(\w+) untested: (.+)')

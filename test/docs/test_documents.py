@@ -36,6 +36,11 @@ ENDLESS = {'simulator': 'running', 'example_controller': 'largest error', 'repla
 EXECUTABLES = dict(re.findall(r"f'(\w+) = \{NAME\}\.([\w.]+):main'", (ROOT / 'setup.py').read_text()))
 
 
+def title(page: Path) -> str:
+    """Return the page's place in the project."""
+    return str(page.relative_to(ROOT))
+
+
 class Terminal:
     """A command under way, with its output, stopped as by Ctrl-C."""
 
@@ -202,13 +207,13 @@ def needs_ros(page) -> bool:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('page', [page for page in PAGES if not needs_ros(page)], ids=lambda page: page.name)
+@pytest.mark.parametrize('page', [page for page in PAGES if not needs_ros(page)], ids=title)
 def test_what_a_page_says_works(page, tmp_path, tools, monkeypatch):
     run_page(page, tmp_path, tools, monkeypatch)
 
 
 @pytest.mark.ros
-@pytest.mark.parametrize('page', [page for page in PAGES if needs_ros(page)], ids=lambda page: page.name)
+@pytest.mark.parametrize('page', [page for page in PAGES if needs_ros(page)], ids=title)
 def test_what_a_page_says_works_with_nodes(page, tmp_path, tools, monkeypatch):
     pytest.importorskip('rclpy')
     run_page(page, tmp_path, tools, monkeypatch)
@@ -236,7 +241,7 @@ def slug(heading: str) -> str:
     return re.sub(r'[^\w\- ]', '', heading.strip().lower()).replace(' ', '-')
 
 
-@pytest.mark.parametrize('page', PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize('page', PAGES, ids=title)
 def test_links_lead_somewhere(page):
     text = re.sub(r'```.*?```', '', page.read_text(), flags=re.DOTALL)
     for link in re.findall(r'\]\(([^)\s]+)\)', text):
@@ -244,10 +249,10 @@ def test_links_lead_somewhere(page):
             continue
         name, _, anchor = link.partition('#')
         target = (page.parent / name).resolve() if name else page
-        assert target.exists(), f'{page.name}: {link}'
+        assert target.exists(), f'{title(page)}: {link}'
         if anchor:
             headings = re.findall(r'^#+ (.*)$', target.read_text(), re.MULTILINE)
-            assert anchor in map(slug, headings), f'{page.name}: {link}'
+            assert anchor in map(slug, headings), f'{title(page)}: {link}'
 
 
 def inline_commands():
