@@ -21,6 +21,7 @@ FRAME = 0.04              # s between two frames, 25 a second; GIF counts in 10 
 PART = 4                  # positions for each frame, so that trails are smooth
 TRAIL = 1.0               # s of the picture's own time that a trail is long
 MOST_FRAMES = 3000        # two minutes
+MOST_BYTES = 3e8          # of all frames, which are in memory together: 1302 of 480 x 480 pixels
 SIZES = (120, 2000)       # px
 DPI = 100
 COLORS = 64               # of the picture
@@ -158,7 +159,7 @@ def _motion(options) -> tuple[Chain, np.ndarray]:
     step = options.speed * FRAME / PART
     if not options.source.endswith('.mcap'):
         chain = load_chain(options.source, options.hold)
-        ticks = _frames(options.duration or 8.0, options.speed) * PART
+        ticks = _frames(options.duration or 8.0, options) * PART
         return chain, rollout(chain, ticks * step, step).position
     refuse_hold(options)
     from ..recording.log import load_log
@@ -166,17 +167,18 @@ def _motion(options) -> tuple[Chain, np.ndarray]:
     if len(log.time) < 2:
         raise Mistake(f'log {clipped(options.source)!r} holds {len(log.time)} states, must hold two to move')
     long = log.time[-1] - log.time[0]
-    ticks = _frames(min(options.duration or long, long), options.speed) * PART
+    ticks = _frames(min(options.duration or long, long), options) * PART
     times = log.time[0] + step * np.arange(ticks + 1)
     return log.chain, np.array([np.interp(times, log.time, joint) for joint in log.position.T]).T
 
 
-def _frames(duration: float, speed: float) -> int:
-    """Return the number of frames after the first one; Mistake: too many."""
-    frames = min(duration / speed / FRAME, 1e9)
-    if not 1.0 <= frames <= MOST_FRAMES:
-        raise Mistake(f'{duration:g} s at the speed {speed:g} are {frames:.3g} frames, must be from 1 to {MOST_FRAMES}'
-                      f', of which {1 / FRAME:.0f} are shown a second: give another --duration or --speed')
+def _frames(duration: float, options) -> int:
+    """Return the number of frames after the first one; Mistake: none or too many."""
+    frames = min(duration / options.speed / FRAME, 1e9)
+    most = min(MOST_FRAMES, int(MOST_BYTES / options.size**2))
+    if not 1.0 <= frames <= most:
+        raise Mistake(f'{duration:g} s at the speed {options.speed:g} are {frames:.3g} frames, must be from 1 to {most} '
+                      f'of this size, {1 / FRAME:.0f} a second: give another --duration, --speed or --size')
     return round(frames)
 
 

@@ -61,8 +61,9 @@ def test_a_log_and_its_chain_give_one_picture(tmp_path, monkeypatch, capsys):
     (['--output', 'there.gif'], "'there.gif': the file exists and is not overwritten, give a new name"),
     (['--output', 'no_folder/arm.gif', '--duration', '0.1'], "'no_folder/arm.gif': No such file or directory"),
     (['--output', 'arm.mp4'], "--output is 'arm.mp4', must end in '.gif'"),
-    (['--duration', '1000'], '1000 s at the speed 1 are 2.5e+04 frames, must be from 1 to 3000'),
+    (['--duration', '1000'], '1000 s at the speed 1 are 2.5e+04 frames, must be from 1 to 1302 of this size'),
     (['--speed', '1000'], '8 s at the speed 1000 are 0.2 frames'),
+    (['--size', '2000'], '8 s at the speed 1 are 200 frames, must be from 1 to 75 of this size'),
     (['--size', '5'], '--size is 5 px, must be from 120 to 2000')])
 def test_refusals(arguments, sentence, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
