@@ -177,8 +177,8 @@ def _frames(duration: float, options) -> int:
     frames = min(duration / options.speed / FRAME, 1e9)
     most = min(MOST_FRAMES, int(MOST_BYTES / options.size**2))
     if not 1.0 <= frames <= most:
-        raise Mistake(f'{duration:g} s at the speed {options.speed:g} are {frames:.3g} frames, must be from 1 to {most} '
-                      f'of this size, {1 / FRAME:.0f} a second: give another --duration, --speed or --size')
+        raise Mistake(f'{duration:g} s at the speed {options.speed:g} are {frames:.3g} frames, must be from 1 to '
+                      f'{most} of this size, {1 / FRAME:.0f} a second: give another --duration, --speed or --size')
     return round(frames)
 
 
