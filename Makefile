@@ -165,5 +165,5 @@ $(BENCH_READY): $(SOURCES)
 	@touch $(RUN_READY) $(BENCH_READY)
 
 clean:
-	rm -rf $(VENV) build dist *.egg-info .pytest_cache .hypothesis planar_chain_sim/_kernel*.so
+	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis planar_chain_sim/_kernel*.so
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
