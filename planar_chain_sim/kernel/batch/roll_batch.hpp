@@ -63,11 +63,14 @@ void share_out(std::vector<Worker>& workers, std::int64_t blocks, std::atomic<bo
   }
   workers[0].lookout().begin(asked);
   work(0);
-  for (std::unique_lock<std::mutex> lock(mutex); running > 0;) {
-    if (ended.wait_for(lock, std::chrono::milliseconds(5)) != std::cv_status::timeout) continue;
-    lock.unlock();
-    asked();
-    lock.lock();
+  {
+    std::unique_lock<std::mutex> lock(mutex);
+    while (running > 0) {
+      if (ended.wait_for(lock, std::chrono::milliseconds(5)) != std::cv_status::timeout) continue;
+      lock.unlock();
+      asked();
+      lock.lock();
+    }
   }
   for (std::thread& thread : threads) thread.join();
   for (const std::exception_ptr& failure : failures)

@@ -170,7 +170,7 @@ class DenseOf final : public WideForm<DenseOf<Real>, Real> {
     for (int j = 0; j < k; ++j) {
       const Real share = row[j] * inverse_[k];
       Real* const target = &matrix_[std::size_t(j) * count_];
-#pragma GCC ivdep
+      PLANAR_CHAIN_APART
       for (int i = 0; i <= j; ++i) target[i] -= share * row[i];
       unknown_[j] -= share * unknown_[k];
     }

@@ -97,7 +97,7 @@ class SerialRecursionOf final : public WideForm<SerialRecursionOf<Real>, Real> {
     Real *const hx = row(coupling_x), *const hy = row(coupling_y), *const qx = row(bias_x), *const qy = row(bias_y),
                 *const sx = row(lever_x), *const sy = row(lever_y), *const kx = row(carried_x),
                 *const ky = row(carried_y);
-#pragma GCC ivdep
+    PLANAR_CHAIN_APART
     for (int i = 0; i < padded_; ++i) {
       const Real x = mx[i] * c[i] - my[i] * s[i], y = mx[i] * s[i] + my[i] * c[i];    // X_i
       const Real rx = ox[i] * c[i] - oy[i] * s[i], ry = ox[i] * s[i] + oy[i] * c[i];  // R_(i+1)

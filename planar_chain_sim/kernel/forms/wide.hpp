@@ -13,6 +13,13 @@
 #define PLANAR_CHAIN_HAS_WIDE false
 #endif
 
+// Before a loop whose turns do not need one another's results; gcc alone has to be told.
+#ifdef __clang__
+#define PLANAR_CHAIN_APART
+#else
+#define PLANAR_CHAIN_APART _Pragma("GCC ivdep")
+#endif
+
 namespace planar_chain {
 
 // A form whose body is `evaluate` of `Body`.

@@ -281,8 +281,8 @@ class DenseSeries {
         g[w].slide[w] = 1.0;
         scale(g[w], 1.0 / pivot);
         PLANAR_CHAIN_SLIDES(v)
-        if (v != w) eliminate(g[w], g[v], g[v].slide[w]);
-        for (int j = 0; j < Angles; ++j) eliminate(g[w], h[j], h[j].slide[w]);
+        if (v != w) eliminate(g[w], g[v], take_slide(g[v], w));
+        for (int j = 0; j < Angles; ++j) eliminate(g[w], h[j], take_slide(h[j], w));
       }
     }
 #pragma GCC unroll 8
@@ -294,8 +294,8 @@ class DenseSeries {
       scale(h[k], 1.0 / pivot);
 #pragma GCC unroll 8
       for (int i = 0; i < Angles; ++i)
-        if (i != k) eliminate(h[k], h[i], h[i].lane[k / width][k % width]);
-      if constexpr (Slides) PLANAR_CHAIN_SLIDES(w) eliminate(h[k], g[w], g[w].lane[k / width][k % width]);
+        if (i != k) eliminate(h[k], h[i], take_angle(h[i], k));
+      if constexpr (Slides) PLANAR_CHAIN_SLIDES(w) eliminate(h[k], g[w], take_angle(g[w], k));
     }
     return -1;
   }
@@ -305,11 +305,20 @@ class DenseSeries {
     if constexpr (Slides) PLANAR_CHAIN_SLIDES(w) column.slide[w] *= factor;
   }
 
-  // Takes the pivot's column out of another, `entry` of which stands in the pivot's row.
-  template <class Entry>
-  PLANAR_CHAIN_INLINE void eliminate(const Column& pivot, Column& other, Entry&& entry) const {
-    const double factor = entry;
-    entry = 0.0;
+  // What a column has in the pivot's row, which becomes zero. (clang refuses a reference to a part of a vector.)
+  PLANAR_CHAIN_INLINE double take_angle(Column& column, int k) const {
+    const double entry = column.lane[k / width][k % width];
+    column.lane[k / width][k % width] = 0.0;
+    return entry;
+  }
+  PLANAR_CHAIN_INLINE double take_slide(Column& column, int w) const {
+    const double entry = column.slide[w];
+    column.slide[w] = 0.0;
+    return entry;
+  }
+
+  // Takes the pivot's column out of another, `factor` times.
+  PLANAR_CHAIN_INLINE void eliminate(const Column& pivot, Column& other, double factor) const {
     for (int p = 0; p < parts; ++p) other.lane[p] -= factor * pivot.lane[p];
     if constexpr (Slides) PLANAR_CHAIN_SLIDES(w) other.slide[w] -= factor * pivot.slide[w];
   }
