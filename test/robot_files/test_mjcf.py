@@ -2,12 +2,12 @@
 import re
 import subprocess
 import sys
-from time import process_time
 import warnings
 
 import mujoco
 import numpy as np
 from oracles.random_mjcf import RandomMjcf
+from oracles.work import lines_run
 import pytest
 
 import planar_chain_sim as pcs
@@ -183,7 +183,7 @@ def test_a_scara_moves_as_in_mujoco():
             <body gravcomp="0.5" pos="0 0 -.2"><joint name="zz" type="slide" axis="0 0 1"/><geom size=".04"/></body>
           </body></body></body></worldbody></mujoco>"""
     chain, note = read(text)
-    assert "along its normal, on their own, slide 'z', 'zz'" in note or "slide 'zz', 'z'" in note
+    assert "along its normal, on their own, slide 'zz', 'z'" in note
     model = model_of(text)
     for seed in range(20):
         error, _ = differs(model, chain, seed)
@@ -350,7 +350,10 @@ def test_hold_makes_a_plane_of_what_has_one_joint_too_many():
     text = pendulum(inner='<joint name="odd" axis="1 0 0" armature="1"/>')
     chain, note = read(text, 'odd')
     assert chain.joint_names == ('hinge',) and "held: 'odd' at 0" in note
-    assert chain == read(pendulum())[0] or chain.joints == read(pendulum())[0].joints
+    plain, _ = read(pendulum())
+    assert chain.joints == plain.joints
+    assert pcs.forward_dynamics(chain, [0.3], [0.5], [1.0]) == pytest.approx(
+        pcs.forward_dynamics(plain, [0.3], [0.5], [1.0]), rel=1e-14)
     assert "hold names 'ood'" in refusal(text, 'ood')
     text = text.replace('</mujoco>', '<actuator><motor joint="hinge"/></actuator></mujoco>')
     assert 'without a motor' not in read(text, 'odd')[1]
@@ -437,15 +440,20 @@ def test_a_torn_text_is_a_chain_or_a_sentence():
 
 @pytest.mark.slow
 @pytest.mark.parametrize('text', [
-    '<mujoco>' + 100_000 * '<body>', '<mujoco><worldbody>' + 90_000 * '<geom size="1"/>' + '</worldbody></mujoco>',
-    '<mujoco>' + 50_000 * '<default>' + '</mujoco>', '<mujoco>' + 1_000_000 * '<!--',
-    '<!DOCTYPE m [<!ENTITY a "b">]><mujoco model="&a;"/>', '<mujoco model="' + 1_000_000 * 'x' + '"/>',
-    '<mujoco><worldbody>' + 3000 * '<body><joint armature="1"/><geom size="1"/>' + 3000 * '</body>'
+    lambda size: '<mujoco>' + 100 * size * '<body>',
+    lambda size: '<mujoco><worldbody>' + 90 * size * '<geom size="1"/>' + '</worldbody></mujoco>',
+    lambda size: '<mujoco>' + 50 * size * '<default>' + '</mujoco>',
+    lambda size: '<mujoco>' + 1000 * size * '<!--',
+    lambda size: '<!DOCTYPE m [<!ENTITY a "b">]><mujoco model="&a;"/>',
+    lambda size: '<mujoco model="' + 1000 * size * 'x' + '"/>',
+    lambda size: '<mujoco><worldbody>' + 3 * size * '<body><joint armature="1"/><geom size="1"/>' + 3 * size * '</body>'
     + '</worldbody></mujoco>'])
 def test_large_and_deep_texts_are_one_sentence_soon(text):
-    start = process_time()
-    refusal(text)
-    assert process_time() - start < 5.0
+    """The work is at most in proportion to the length: 17 lines of Python for a character, where there is an arm."""
+    small = text(100)
+    _, lines = lines_run(lambda: refusal(small))
+    assert lines < 25 * len(small) + 20_000
+    refusal(text(1000))
 
 
 def test_a_long_chain_is_read():
