@@ -36,7 +36,7 @@ if not any((ROOT / 'planar_chain_sim' / f'_kernel{suffix}').exists() for suffix 
     sys.path[:] = [entry for entry in sys.path if Path(entry).resolve() != ROOT]
     os.chdir(ROOT / 'test')  # the interpreters that tests start look in their working directory first
 
-signal.signal(signal.SIGHUP, signal.SIG_DFL)   # under nohup the processes that tests start would be deaf to it
+signal.signal(signal.SIGHUP, signal.SIG_DFL)   # under nohup the processes that tests start would ignore it
 
 domain, domain_keeper = free_domain()
 log_folder = tempfile.TemporaryDirectory()

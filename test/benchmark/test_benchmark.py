@@ -1,4 +1,4 @@
-"""The benchmark executable on tiny settings, its named problems and its arithmetic; nothing here judges a wall time."""
+"""The benchmark executable with tiny settings, its named problems and its arithmetic; no time is judged."""
 import csv
 from dataclasses import replace
 from random import Random

@@ -1,4 +1,4 @@
-"""The benchmark's peers compute what we compute: compared are the same motions. A peer that is not there is skipped."""
+"""The benchmark's peers compute the same motions as this package. A peer that is not installed is skipped."""
 from importlib import import_module
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""Chain files: every mistake ends in one exact sentence."""
+"""Chain files: every mistake gives one exact sentence."""
 from pathlib import Path
 
 import numpy as np

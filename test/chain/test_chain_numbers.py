@@ -1,4 +1,4 @@
-"""Chain files: every number arrives as it was written, and `Chain.source` loads back to the same bits."""
+"""Chain files: every number is read as it is written, and `Chain.source` loads back to the same bits."""
 from dataclasses import replace
 import math
 from math import inf

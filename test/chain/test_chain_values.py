@@ -1,4 +1,4 @@
-"""Chains as values: checked wherever they are used, each with a text of its own; numbers by name; hash, copies."""
+"""Chains as values: checked wherever they are used, each with a text of its own; names of numbers; hash, copies."""
 import copy
 from dataclasses import fields, replace
 from math import inf, isinf, nan

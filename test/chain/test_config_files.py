@@ -1,4 +1,4 @@
-"""The chain files that come with the package: where they are found, and that each is what its header says."""
+"""The chain files of the package: where they are found, and that each is what its header says."""
 from pathlib import Path
 import sys
 

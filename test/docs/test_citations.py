@@ -1,4 +1,4 @@
-"""Every citation leads somewhere: to a section of docs/equations.md, or to an equation that is on that page."""
+"""Every citation can be resolved: a section of docs/equations.md, or an equation on that page."""
 from pathlib import Path
 import re
 

@@ -1,4 +1,4 @@
-"""What calls from Python take and refuse: one check in the kernel, the same bits from every kind of numbers."""
+"""What calls from Python accept and refuse: one check in the kernel; the same bits from every kind of number."""
 from fractions import Fraction
 
 import numpy as np

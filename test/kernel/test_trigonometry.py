@@ -65,7 +65,7 @@ def test_what_is_no_angle_gives_no_number(angle):
 @pytest.mark.parametrize('count', [2, 3, 4, 7, 8, 9, 20])
 @pytest.mark.parametrize('far', [0.0, 1e7])
 def test_angles_turned_in_blocks_give_the_bits_of_each_alone(count, far):
-    """Pendulums side by side know nothing of each other; an angle beyond the near ones is among them or not."""
+    """Pendulums that are evaluated together do not affect each other, whether or not a far angle is among them."""
     def pendulum(k):
         return Body(f'b{k}', -1, 0j, 0.0, 1.0, 0.5 + 0.1j, 0.36 + 0.1 * k, 0.1 + 0.1 * k, None,
                     Joint(f'j{k}', 'rotation', 1.0))

@@ -1,4 +1,4 @@
-"""Oracle tests: what one evaluation loses, against accelerations to 50 digits."""
+"""Oracle tests: the error of one evaluation, against accelerations to 50 digits."""
 import dataclasses
 
 import numpy as np

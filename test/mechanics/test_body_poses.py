@@ -1,4 +1,4 @@
-"""Poses, momentum and reaction forces of bodies against MuJoCo, which finds them in space and another way."""
+"""Poses, momentum and reaction forces of bodies, compared with MuJoCo, which computes them in space."""
 import numpy as np
 from oracles.random_trees import random_state, random_tree
 import pytest

@@ -1,4 +1,4 @@
-"""The linearisation: against differences, closed eigenfrequencies, and the motion itself."""
+"""The linearisation: compared with differences, with eigenfrequencies in closed form, and with the motion."""
 from dataclasses import replace
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""Oracle tests: the same chains through MuJoCo and Pinocchio, which share no line and no formula with this package."""
+"""Oracle tests: the same chains in MuJoCo and Pinocchio, which share no code with this package."""
 import numpy as np
 from oracles.pinocchio_model import pinocchio_model, spring_and_damper
 from oracles.random_trees import random_state, random_tree

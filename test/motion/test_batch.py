@@ -1,4 +1,4 @@
-"""rollout_batch: every scene gets the bits of a single run, whatever runs beside it."""
+"""rollout_batch: every scene has the bits of a single run, whatever runs beside it."""
 from dataclasses import replace
 from pathlib import Path
 

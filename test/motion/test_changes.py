@@ -1,4 +1,4 @@
-"""Chains that change while they move: nothing but the change shows, a log runs again, and energy is balanced."""
+"""Chains that change while they move: only the change has an effect, a log repeats it, and energy is balanced."""
 from dataclasses import replace
 from math import inf
 

@@ -1,4 +1,4 @@
-"""Checkpoints and copies: what they carry, where they can be restored, and what is refused."""
+"""Checkpoints and copies: what they hold, where they can be restored, and what is refused."""
 import copy
 from dataclasses import replace
 import pickle

@@ -1,4 +1,4 @@
-"""Stops and dry friction: oracle, invariant, order and equality tests of what happens between smooth stretches."""
+"""Stops and dry friction: oracle, invariant, order and equality tests of the events between smooth stretches."""
 import dataclasses
 import subprocess
 import sys

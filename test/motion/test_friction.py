@@ -1,4 +1,4 @@
-"""Dry friction and stops where rounding decides: named scenes, whole families, and the search that finds the events."""
+"""Dry friction and stops where rounding decides: named scenes, families of scenes, and the search for events."""
 from dataclasses import replace
 from fractions import Fraction
 

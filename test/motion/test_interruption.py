@@ -1,4 +1,4 @@
-"""Long calls: signals and interrupt() end them within moments, at a whole tick, and going on changes no bit."""
+"""Long calls: signals and interrupt() end them soon, at a whole tick, and continuing changes no bit."""
 from contextlib import contextmanager
 import signal
 import subprocess

@@ -1,4 +1,4 @@
-"""Wrenches and payloads on a moving chain: the joint efforts that do the same work, in every method, and no more."""
+"""Wrenches and payloads on a moving chain: the joint efforts that do the same work, in every method."""
 from dataclasses import replace
 
 import numpy as np

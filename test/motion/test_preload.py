@@ -1,4 +1,4 @@
-"""A preload is an effort that always acts: in every form, method and section, with friction, stops, and in energy."""
+"""A preload is an effort that always acts: in every form and method, with friction and stops, and in the energy."""
 from dataclasses import replace
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""What Simulation and rollout are asked, what they answer, and what they refuse in one sentence."""
+"""Arguments and results of Simulation and rollout, and what they refuse in one sentence."""
 import copy
 
 import numpy as np

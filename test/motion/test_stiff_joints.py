@@ -1,4 +1,4 @@
-"""The Jacobian of the inverse dynamics, and the L-stable method that lives on it."""
+"""The Jacobian of the inverse dynamics, and the L-stable method that uses it."""
 from dataclasses import replace
 import warnings
 

@@ -1,4 +1,4 @@
-"""The Taylor series: twin of itself in two forms, of Runge-Kutta and of energy; order; one motion however it is cut."""
+"""The Taylor series: two forms agree, also with Runge-Kutta and energy; its order; calls may be cut anywhere."""
 from dataclasses import replace
 
 import numpy as np

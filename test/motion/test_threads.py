@@ -1,4 +1,4 @@
-"""One simulation in several threads: calls wait for each other, and none of them changes the motion."""
+"""One simulation in several threads: calls wait for each other, and none changes the motion."""
 from threading import Thread
 
 import numpy as np

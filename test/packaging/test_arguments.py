@@ -1,4 +1,4 @@
-"""Every executable's door: odd arguments by the hundred end in one sentence and exit code 2, and leave no file."""
+"""Every executable: hundreds of odd arguments end in one sentence and exit code 2, and leave no file."""
 import errno
 import os
 from pathlib import Path

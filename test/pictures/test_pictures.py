@@ -1,4 +1,4 @@
-"""What a picture shows are the chain's own points."""
+"""A picture shows the chain's own points."""
 import numpy as np
 from oracles.random_trees import random_tree
 
@@ -14,9 +14,9 @@ def test_lines_of_a_tree_keep_the_lengths_of_its_bodies():
         carriers = {body.carrier for body in chain.bodies}
         for i, body in enumerate(chain.bodies):
             start = lines[i][0][0]
-            foot = lines[body.carrier][0][0] if body.carrier >= 0 else 0j
+            joint_point = lines[body.carrier][0][0] if body.carrier >= 0 else 0j
             if body.slide is None:
-                assert np.isclose(abs(start - foot), abs(body.origin), rtol=1e-12)
+                assert np.isclose(abs(start - joint_point), abs(body.origin), rtol=1e-12)
             if i not in carriers:
                 assert np.isclose(abs(lines[i][0][1] - start), 2 * abs(body.center_of_mass), rtol=1e-12)
 

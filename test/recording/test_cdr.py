@@ -1,4 +1,4 @@
-"""CDR bytes: the layout against golden bytes and against real ROS, the decoders against malformed data."""
+"""CDR bytes: the layout compared with known bytes and with real ROS, the decoders with malformed data."""
 import tracemalloc
 
 from hypothesis import given, strategies as st

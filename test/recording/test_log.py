@@ -1,4 +1,4 @@
-"""The log's writers and its reader: what goes in comes out, what is wrong is refused at once."""
+"""The log's writers and its reader: what is written is read back, and errors are reported at once."""
 from errno import ENOSPC
 import os
 from pathlib import Path

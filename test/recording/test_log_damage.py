@@ -1,4 +1,4 @@
-"""What survives of a log: a kill, a full disk, a cut, a flipped bit, garbage."""
+"""What remains of a log after a kill, a full disk, a cut, a flipped bit, or garbage."""
 import os
 import re
 import signal

@@ -1,4 +1,4 @@
-"""The log as other tools see it: the MCAP container, the rosbag2 profile, readers of other people."""
+"""The log as other tools see it: the MCAP container, the rosbag2 profile, readers by other authors."""
 import os
 from pathlib import Path
 import re

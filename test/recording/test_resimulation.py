@@ -1,4 +1,4 @@
-"""Commands rollout and resimulate: equal bits, a flipped bit named, mistakes told in one sentence, all without ROS."""
+"""Commands rollout and resimulate: equal bits, a flipped bit found, one sentence for a mistake, all without ROS."""
 from dataclasses import replace
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The executable rollout: what it says, and the efforts it reads."""
+"""The executable rollout: what it prints, and the effort files that it reads."""
 from pathlib import Path
 from random import Random
 import re

@@ -1,4 +1,4 @@
-"""Frames of links: TF and markers agree with other libraries' kinematics of the same URDF, whatever frame is named."""
+"""Frames of links: TF and markers agree with the kinematics of the same URDF in other libraries, in every frame."""
 import io
 from math import pi
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""MJCF in: the motion is MuJoCo's, what would change it is refused by name, and any text is a chain or one sentence."""
+"""MJCF files: the motion is MuJoCo's; what would change it is refused by name; any text gives a chain or a sentence."""
 import re
 import subprocess
 import sys

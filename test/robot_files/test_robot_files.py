@@ -1,4 +1,4 @@
-"""What people's URDF files hold: mountings, dialects, limits, loops, macros; checked by two oracles."""
+"""People's URDF files: mountings, dialects, limits, loops, macros; compared with two oracles."""
 from math import cos, pi, sin
 import re
 import warnings

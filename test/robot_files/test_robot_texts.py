@@ -1,4 +1,4 @@
-"""Texts of robot files: xacro expanded or named, damage and length that end in a chain or in one sentence."""
+"""Texts of robot files: xacro is expanded or named; a damaged or long text gives a chain or one sentence."""
 from pathlib import Path
 import re
 import sys

@@ -1,4 +1,4 @@
-"""URDF out and in: other libraries see the same robot, it comes back the same, and what is not planar is named."""
+"""URDF written and read: other libraries see the same robot, it reads back the same; what is not planar is named."""
 from dataclasses import replace
 import io
 from math import cos, pi, sin

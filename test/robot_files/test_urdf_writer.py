@@ -1,4 +1,4 @@
-"""The URDF that is written: every library loads it and computes the same motion; what else it says."""
+"""The URDF that is written: every library loads it and computes the same motion; its other contents."""
 from dataclasses import replace
 import io
 from math import inf

@@ -1,4 +1,4 @@
-"""Which commands act and which are refused, down to the bytes."""
+"""Which commands act and which are refused, byte by byte."""
 import json
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""The example controller closes the loop over real DDS: in lockstep with the very bits of the same loop without ROS."""
+"""The example controller over real DDS: in lockstep, the bits of the same loop without ROS."""
 from live import Peer, Process, run, simulator, stamp_ns
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Everything that the node offers besides states and commands, from another process: time, parameters, descriptions."""
+"""All that the node offers besides states and commands, from another process: time, parameters, descriptions."""
 import json
 import time
 

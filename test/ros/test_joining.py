@@ -1,4 +1,4 @@
-"""Subscribers that join hold up who publishes for a third of a second (Fast DDS issue 6535): no time is lost to it."""
+"""Subscribers that join block publishers for a third of a second (Fast DDS issue 6535): no simulated time is lost."""
 from contextlib import ExitStack
 import json
 import os

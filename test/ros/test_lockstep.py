@@ -1,4 +1,4 @@
-"""Lockstep over plain topics: whoever commands, however slowly, the bits are those of the same loop without ROS."""
+"""Lockstep over plain topics: any controller, however slow, gives the bits of the same loop without ROS."""
 from contextlib import ExitStack
 import hashlib
 import json

@@ -1,4 +1,4 @@
-"""The tables of topics, and subscriptions that no executor wakes up for."""
+"""The tables of topics, and subscriptions that wake up no executor."""
 import subprocess
 import sys
 from threading import Thread

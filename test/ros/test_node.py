@@ -1,4 +1,4 @@
-"""The node as its users meet it: from another process, over real DDS."""
+"""The node as its users see it: from another process, over real DDS."""
 import json
 from pathlib import Path
 import re

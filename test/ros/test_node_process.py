@@ -1,4 +1,4 @@
-"""The executable `simulator` as a process: how it ends, and what it says to a user's mistake."""
+"""The executable `simulator` as a process: how it ends, and its sentence for a user's mistake."""
 import os
 from pathlib import Path
 import random

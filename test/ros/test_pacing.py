@@ -1,4 +1,4 @@
-"""When ticks are due and how states are stamped, on a clock that the test moves."""
+"""When ticks are due and how states are stamped, with a clock that the test moves."""
 import ctypes
 import os
 import platform

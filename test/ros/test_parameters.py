@@ -1,4 +1,4 @@
-"""The table of parameters against what ROS makes of a command line; each node here is a real one."""
+"""The table of parameters, compared with what ROS makes of a command line; each node here is a real one."""
 import gc
 import json
 from math import inf, nan

@@ -1,4 +1,4 @@
-"""The node with a robot's file: it is told of, joints are held, and the URDF published is that of what moves."""
+"""The node with a robot file: it lists the joints, holds joints, and publishes the URDF of what moves."""
 from xml.etree import ElementTree
 
 from live import Peer, Process, run, simulator

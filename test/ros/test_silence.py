@@ -1,4 +1,4 @@
-"""Whatever comes and has no effect leaves a trace: a warning, an event, a line in diagnostics. Each way one test."""
+"""Input without effect leaves a trace: a warning, an event or a line in diagnostics. One test for each way."""
 import json
 from math import nan
 import signal

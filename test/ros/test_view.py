@@ -1,4 +1,4 @@
-"""What a viewer gets from the node over real DDS: markers in the frame that they name, the URDF, TF or why not."""
+"""What a viewer receives from the node: markers in the frame that they name, the URDF, and TF or the reason why not."""
 from importlib.util import find_spec
 
 from live import CONFIG, Peer, run, simulator

@@ -1,4 +1,4 @@
-"""Wrenches and payloads of the node, from another process: what acts, for how long, what is refused, the log."""
+"""Wrenches and payloads of the node, from another process: their effect, their end, what is refused, and the log."""
 import json
 
 from diagnostic_msgs.msg import DiagnosticArray
