@@ -11,9 +11,10 @@ import numpy as np
 from .problems import configured
 from .work_precision import OWN
 from ..chain.chain import Chain
+from ..chain.joint_arrays import initial_state
 from ..mechanics.dynamics import energy
 from ..motion.integrators import METHODS
-from ..motion.simulation import initial_state, Simulation
+from ..motion.simulation import Simulation
 
 COLUMNS = ('library', 'method', 'kind', 'setting', 'largest energy error / range', 'of all runs', 'runs', 'growth',
            'CPU median, s', 'CPU min, s')

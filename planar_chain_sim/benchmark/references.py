@@ -11,9 +11,9 @@ from typing import Iterator
 
 from .problems import Problem, PROBLEMS
 from ..chain.chain import Chain
+from ..chain.joint_arrays import initial_state
 from ..chain.tree import BASE
 from ..errors import Mistake
-from ..motion.simulation import initial_state
 
 COLUMNS = ('problem', 'quantity', 'mpmath, extrapolation', 'heyoka, Taylor', 'largest difference', 'from the stored')
 DIGITS = 29          # of the arithmetic

@@ -14,8 +14,8 @@ from .problems import uniform_rods
 from .step_time import own_evaluations
 from .work_precision import OWN
 from ..chain.chain import Chain
+from ..chain.joint_arrays import initial_state
 from ..errors import Mistake
-from ..motion.simulation import initial_state
 
 LINKS = (16, 32, 64, 128, 256, 512, 1024, 2048, 4096)
 MOST_OF_PEERS = 512    # Pinocchio needs gigabytes beyond, MuJoCo refuses the model

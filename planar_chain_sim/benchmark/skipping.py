@@ -19,11 +19,11 @@ from .problems import Problem, uniform_rods
 from .step_time import own_evaluations
 from .work_precision import own_integration
 from ..chain.chain import Chain
+from ..chain.joint_arrays import initial_state
 from ..chain.tree import Body, Joint
 from ..mechanics.kernel_model import kernel_arrays
 from ..mechanics.path_matrix import merge_welded
 from ..mechanics.plan import plan_of
-from ..motion.simulation import initial_state
 
 COLUMNS = ('feature', 'in the plan', 'evaluation, ns: without', 'evaluation, ns: with',
            'saved by its absence, ns: median', 'saved by its absence, ns: min', 'RK4 tick, ns: without',

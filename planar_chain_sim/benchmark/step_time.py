@@ -10,9 +10,9 @@ from .peers.mujoco_peer import METHODS as MUJOCO_METHODS
 from .problems import Problem, uniform_rods
 from .work_precision import OWN, own_integration
 from ..chain.chain import Chain
+from ..chain.joint_arrays import initial_state
 from ..mechanics.dynamics import FORMS
 from ..mechanics.plan import plan_of
-from ..motion.simulation import initial_state
 
 LINKS = (1, 2, 4, 8, 16, 32, 64, 128, 512)
 COLUMNS = ('links', 'what', 'library', 'how', 'median, ns', 'min, ns', 'times ours: median', 'times ours: min')

@@ -10,6 +10,7 @@ from . import equations_of_motion
 from .plan import plan_of
 from .. import _kernel
 from ..chain.chain import Chain
+from ..chain.joint_arrays import joint_array
 from ..errors import SimulationError
 
 if TYPE_CHECKING:
@@ -19,11 +20,6 @@ FORMS = ('reference', 'dense', 'recursive', 'auto')
 
 _GOOD, _SINGULAR, _NOT_FINITE = map(_kernel.OUTCOMES.index, ('good', 'singular', 'not_finite'))
 _WHY_NOT = {_SINGULAR: 'the configuration is singular', _NOT_FINITE: 'the acceleration is not finite'}
-
-
-def joint_array(name: str, values: ArrayLike, shape: tuple) -> np.ndarray:
-    """`values` as finite C-ordered float64 of the wanted shape; ValueError names argument, got and wanted."""
-    return _kernel.finite_array(name, values, shape)
 
 
 def resolve_form(chain: Chain, form: str) -> str:

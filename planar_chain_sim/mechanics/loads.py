@@ -5,10 +5,10 @@ from dataclasses import replace
 from math import isfinite
 from typing import Any, Mapping, NamedTuple, TYPE_CHECKING
 
-from .dynamics import joint_array
 from .plan import plan_of
 from .._kernel import plane_vector
 from ..chain.chain import altered, Chain
+from ..chain.joint_arrays import joint_array
 from ..chain.tree import Body
 
 if TYPE_CHECKING:

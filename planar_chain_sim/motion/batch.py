@@ -9,10 +9,10 @@ from typing import Any, Optional, Sequence, TYPE_CHECKING, Union
 import numpy as np
 
 from .integrators import method_data, METHODS
-from .simulation import initial_state, refuse_beyond_stops, Simulation, stop_error, whole_ticks
+from .simulation import Simulation, stop_error, whole_ticks
 from .. import _kernel
 from ..chain.chain import Chain
-from ..mechanics.dynamics import joint_array
+from ..chain.joint_arrays import initial_state, joint_array, refuse_beyond_stops
 from ..mechanics.plan import plan_of
 
 if TYPE_CHECKING:

@@ -6,8 +6,9 @@ from typing import Callable, Optional, TYPE_CHECKING, Union
 
 import numpy as np
 
-from .simulation import initial_state, Simulation, whole_ticks
+from .simulation import Simulation, whole_ticks
 from ..chain.chain import Chain
+from ..chain.joint_arrays import initial_state
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

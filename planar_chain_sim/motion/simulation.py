@@ -22,9 +22,10 @@ from .integrators import (
 from .stiffness import damping_rate, step_limit
 from .. import _kernel
 from ..chain.chain import altered, Chain
+from ..chain.joint_arrays import beyond_stop, initial_state, joint_array
 from ..chain.quantities import same_but_for_quantities
 from ..errors import SimulationError
-from ..mechanics.dynamics import joint_array, resolve_form
+from ..mechanics.dynamics import resolve_form
 from ..mechanics.loads import checked_wrench, index_of, on_links, with_payload, without_payload, Wrench
 from ..mechanics.plan import plan_of
 
@@ -87,27 +88,6 @@ class Checkpoint:
     def time(self) -> float:
         """Simulated time, s."""
         return self.tick * (self.step or 0.0) if self.between is None else self.between
-
-
-def initial_state(chain: Chain) -> tuple[np.ndarray, np.ndarray]:
-    """`position` and `velocity` of the chain file, (joints,) each."""
-    return (np.array([joint.position for joint in chain.joints], dtype=np.float64),
-            np.array([joint.velocity for joint in chain.joints], dtype=np.float64))
-
-
-def beyond_stop(chain: Chain, index: int, position: float) -> ValueError:
-    """Return the error that names a joint and a position of it beyond one of its stops."""
-    joint = chain.joints[index]
-    return ValueError(f"position of joint '{joint.name}' of {chain.name} is {float(position)!r}, must lie "
-                      f'between its stops, {joint.lower!r} and {joint.upper!r}')
-
-
-def refuse_beyond_stops(chain: Chain, position: np.ndarray) -> None:
-    """Raise ValueError that names the first joint of positions (..., joints) that lies beyond one of its stops."""
-    for index, joint in enumerate(chain.joints):
-        beyond = position[..., index][(position[..., index] < joint.lower) | (position[..., index] > joint.upper)]
-        if beyond.size:
-            raise beyond_stop(chain, index, beyond.flat[0])
 
 
 def resolve_method(chain: Chain, method: str, tolerance: Optional[float]) -> Any:

@@ -14,9 +14,9 @@ from typing import Any, NamedTuple, Optional, Union
 import numpy as np
 
 from ..chain.chain import Chain
+from ..chain.joint_arrays import joint_array
 from ..chain.section import angle_of, clipped, suggestion
 from ..errors import Mistake
-from ..mechanics.dynamics import joint_array
 
 TIME = re.compile(r'(time|t)(_s|\s*[\[(]s[\])])?', re.IGNORECASE)   # the name of a column
 SEPARATORS = (';', '\t', ',', None)   # the first that the first row has; None: blanks

@@ -13,9 +13,10 @@ from typing import Callable, Mapping, NamedTuple, Optional
 
 from .cdr import CdrError, decode_string, encode_string
 from .._kernel import json_list
+from ..chain.joint_arrays import initial_state
 from ..chain.quantities import changed_chain, QUANTITIES
 from ..errors import SimulationError
-from ..motion.simulation import initial_state, JointEvent, Simulation
+from ..motion.simulation import JointEvent, Simulation
 
 BOTH, NODE, OFFLINE = 'simulator, rollout', 'simulator', 'OfflineLog'   # who publishes or logs a kind
 

@@ -9,8 +9,8 @@ from .cdr import CdrError, decode_joint_state, JointStateMessage
 from .events import apply_event, decode_event, EVENTS
 from .log_reader import LogFile, LogMessage
 from .run_settings import simulation_of
+from ..chain.joint_arrays import joint_array
 from ..errors import LogError
-from ..mechanics.dynamics import joint_array
 
 
 class Following:

@@ -12,9 +12,9 @@ from .events import apply_event, encode_command, encode_event, encode_joint_even
 from .log_writer import LogWriter
 from .rosbag2_profile import Channel
 from .run_settings import settings_of
+from ..chain.joint_arrays import joint_array
 from ..chain.quantities import QUANTITIES, to_json
 from ..errors import SimulationError
-from ..mechanics.dynamics import joint_array
 from ..motion.simulation import Interrupted, Simulation
 
 if TYPE_CHECKING:

@@ -8,12 +8,13 @@ from time import perf_counter
 from .effort_table import by_joint, Efforts, read_efforts
 from .log_writer import COMPRESSIONS
 from .offline_log import OfflineLog
+from ..chain.joint_arrays import initial_state
 from ..chain.section import clipped
 from ..chain_file import load_chain
 from ..command_line import add_hold, catch_stop_signals, Parser, run_command, tell
 from ..errors import ChainError, Mistake
 from ..motion.integrators import METHODS
-from ..motion.simulation import initial_state, Interrupted, Simulation, whole_ticks
+from ..motion.simulation import Interrupted, Simulation, whole_ticks
 
 LONGEST = 2.0**31   # s
 

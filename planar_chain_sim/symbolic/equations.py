@@ -12,8 +12,9 @@ from .factors import Coordinate, Motion, ScalarProduct, State, Symbol
 from .terms import Equation
 from .trigonometry import in_numbers, in_trigonometric_functions
 from ..chain.chain import Chain
+from ..chain.joint_arrays import joint_array
 from ..chain.section import clipped, suggestion
-from ..mechanics.dynamics import forward_dynamics, joint_array
+from ..mechanics.dynamics import forward_dynamics
 from ..mechanics.path_matrix import motion_of_joints
 from ..mechanics.plan import plan_of
 

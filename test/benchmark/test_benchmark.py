@@ -15,9 +15,9 @@ from planar_chain_sim.benchmark.peers import open_peers
 from planar_chain_sim.benchmark.problems import PROBLEMS, uniform_rods
 from planar_chain_sim.benchmark.scenes import Check, damaged_files, flood
 from planar_chain_sim.benchmark.table import shown, table_lines
+from planar_chain_sim.chain.joint_arrays import initial_state
 from planar_chain_sim.chain_file import chain_from_text
 from planar_chain_sim.mechanics.plan import plan_of
-from planar_chain_sim.motion.simulation import initial_state
 
 OWN = work_precision.OWN
 

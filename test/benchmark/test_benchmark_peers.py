@@ -8,8 +8,8 @@ import pytest
 import planar_chain_sim as pcs
 from planar_chain_sim.benchmark.peers import compiled, PEERS
 from planar_chain_sim.benchmark.problems import Problem, PROBLEMS, uniform_rods
+from planar_chain_sim.chain.joint_arrays import initial_state
 from planar_chain_sim.mechanics.joint_forces import passive_effort
-from planar_chain_sim.motion.simulation import initial_state
 
 SAME = 1e-10    # relative; the worst of these is below 1e-12
 

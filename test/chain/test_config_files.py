@@ -7,8 +7,8 @@ import pytest
 
 import planar_chain_sim
 from planar_chain_sim import ChainError, energy, forward_dynamics, load_chain, mass_matrix, Simulation
+from planar_chain_sim.chain.joint_arrays import initial_state
 from planar_chain_sim.chain_file import find_chain_file
-from planar_chain_sim.motion.simulation import initial_state
 
 CONFIG = Path(__file__).parents[2] / 'config'
 NAMES = ('arczewski_example', 'cart_arm_telescope', 'chain_32_links', 'double_pendulum', 'four_link_robot',

@@ -11,11 +11,11 @@ import sys
 import numpy as np
 
 import planar_chain_sim as pcs
+from planar_chain_sim.chain.joint_arrays import initial_state
 from planar_chain_sim.mechanics.kernel_model import kernel_arrays
 from planar_chain_sim.mechanics.path_matrix import merge_welded
 from planar_chain_sim.mechanics.plan import plan_of
 from planar_chain_sim.motion.integrators import taylor_order
-from planar_chain_sim.motion.simulation import initial_state
 
 CHAINS = ('arczewski_example', 'four_link_robot', 'double_pendulum', 'seven_link_arm', 'cart_arm_telescope',
           'chain_32_links')

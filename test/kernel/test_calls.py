@@ -9,8 +9,8 @@ import planar_chain_sim as pcs
 from planar_chain_sim import _kernel
 from planar_chain_sim.benchmark.problems import uniform_rods
 from planar_chain_sim.chain.chain import Chain
+from planar_chain_sim.chain.joint_arrays import joint_array
 from planar_chain_sim.chain.tree import Body, Joint
-from planar_chain_sim.mechanics.dynamics import joint_array
 from planar_chain_sim.mechanics.plan import plan_of
 from planar_chain_sim.mechanics.solvable import singular_joint
 

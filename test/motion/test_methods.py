@@ -11,9 +11,9 @@ import pytest
 import planar_chain_sim as pcs
 from planar_chain_sim import _kernel, SimulationError
 from planar_chain_sim.benchmark.problems import uniform_rods
+from planar_chain_sim.chain.joint_arrays import initial_state
 from planar_chain_sim.mechanics.plan import plan_of
 from planar_chain_sim.motion.integrators import Method, method_data
-from planar_chain_sim.motion.simulation import initial_state
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
 CHAIN = pcs.load_chain(str(CONFIG / 'four_link_robot.yaml'))    # branched, sliding, damped

@@ -8,8 +8,8 @@ import pytest
 import planar_chain_sim as pcs
 from planar_chain_sim import _kernel
 from planar_chain_sim.benchmark.problems import uniform_rods
+from planar_chain_sim.chain.joint_arrays import initial_state
 from planar_chain_sim.mechanics.plan import plan_of
-from planar_chain_sim.motion.simulation import initial_state
 from planar_chain_sim.motion.stiffness import damping_rate
 
 TWO_RODS = pcs.load_chain('double_pendulum.yaml')

@@ -19,9 +19,9 @@ import numpy as np
 
 import planar_chain_sim as pcs
 from planar_chain_sim import _kernel
+from planar_chain_sim.chain.joint_arrays import initial_state
 from planar_chain_sim.mechanics.plan import plan_of
 from planar_chain_sim.motion.integrators import method_data
-from planar_chain_sim.motion.simulation import initial_state
 
 FRICTION = pcs.chain_from_dict({'name': 'rubbing', 'bodies': [
     {'name': 'a', 'carrier': 'base', 'mass': 1.0, 'inertia': 0.5, 'center_of_mass': [0.5, 0.0],

@@ -6,7 +6,7 @@ import numpy as np
 from . import Curve, half_decades, Run
 from ..problems import Problem
 from ...chain.chain import Chain
-from ...motion.simulation import initial_state
+from ...chain.joint_arrays import initial_state
 
 LONGEST_STEP = 0.1   # s: without a bound some runs never end
 METHODS = ('runge_kutta3', 'runge_kutta5')

@@ -12,7 +12,7 @@ from . import Curve, half_decades, Run
 from .heyoka_expressions import articulated_bodies, System, two_rods
 from ..problems import Problem
 from ...chain.chain import Chain
-from ...motion.simulation import initial_state
+from ...chain.joint_arrays import initial_state
 
 FORMULATIONS = {'Taylor, closed form': two_rods, 'Taylor, articulated bodies': articulated_bodies}
 

@@ -10,7 +10,7 @@ from . import Curve, Run, steps_of
 from .compiled import compile_shared
 from ..problems import Problem
 from ...chain.chain import Chain
-from ...motion.simulation import initial_state
+from ...chain.joint_arrays import initial_state
 
 METHODS = ('Euler', 'implicitfast', 'RK4')
 

@@ -11,7 +11,7 @@ from . import Curve, half_decades, Run, steps_of
 from .compiled import compile_shared, Missing
 from ..problems import Problem
 from ...chain.chain import Chain
-from ...motion.simulation import initial_state
+from ...chain.joint_arrays import initial_state
 
 METHODS = ('odeint runge_kutta4', 'odeint dopri5', 'odeint fehlberg78', 'odeint bulirsch_stoer')
 # What Pinocchio's own CMake target defines, for its list of 25 joint types.

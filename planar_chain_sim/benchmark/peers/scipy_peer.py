@@ -6,8 +6,8 @@ import numpy as np
 from . import Curve, half_decades, Run
 from ..problems import Problem
 from ...chain.chain import Chain
+from ...chain.joint_arrays import initial_state
 from ...mechanics.plan import plan_of
-from ...motion.simulation import initial_state
 
 METHODS = {'DOP853': -14, 'LSODA': -13, 'Radau': -10}   # and the last decade of tolerance that is worth trying
 

@@ -9,9 +9,10 @@ import numpy as np
 from . import Check
 from ..problems import configured, damped
 from ...chain.chain import Chain
+from ...chain.joint_arrays import initial_state
 from ...errors import SimulationError
 from ...motion.integrators import METHODS
-from ...motion.simulation import initial_state, Simulation
+from ...motion.simulation import Simulation
 
 FIXED = tuple(name for name, row in METHODS.items() if not row.adaptive)
 HORIZONS = (5.0, 10.0)        # s
