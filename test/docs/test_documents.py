@@ -29,7 +29,6 @@ NOT_RUN = {        # what cannot be run here, and how many blocks
     'takes more than a minute, and needs the extra [benchmark]': 1,
     'these build an environment, run the tests themselves, or take long': 1,
     'what a file of somebody else would give': 1,
-    'a drawing': 1,
 }
 # What runs until Ctrl-C, and the line by which it is known to run; None: known by efforts of the arm.
 ENDLESS = {'simulator': 'running', 'example_controller': 'largest error', 'replay': 'replaying',
