@@ -106,7 +106,7 @@ EVENTS = {
     'stop_left': Kind(BOTH, AT_JOINT, 'A joint left its stop.'),
     'stuck': Kind(BOTH, AT_JOINT, 'Dry friction brought a joint to rest.'),
     'slipped': Kind(BOTH, AT_JOINT, 'A joint that friction held began to move.'),
-    'log_failure': Kind(NODE, ('message',), 'The log has a fault, or none any more.'),
+    'log_failure': Kind(NODE, ('message',), 'The log cannot be written, or others have moved or damaged its file.'),
 }
 
 

@@ -134,8 +134,8 @@ class LogWriter:
             raise self._fail(error.strerror or str(error)) from None
         self.flush_due = monotonic() + self.flush_period
 
-    def whereabouts(self) -> str:
-        """Return a sentence on what others have done to the open file, '' where it is as it should be."""
+    def whereabouts(self) -> tuple[str, bool]:
+        """Return a sentence on what others have done to the open file, '' for nothing; and whether the log is lost."""
         try:
             given = self._file.raw.given   # before the size: the file grows
             mine = os.fstat(self._file.fileno())
@@ -144,17 +144,17 @@ class LogWriter:
             except (FileNotFoundError, NotADirectoryError):
                 there = None
         except (OSError, ValueError):   # ValueError: closed meanwhile
-            return ''
+            return '', False
         name = f'log {str(self.path)!r}'
         if not mine.st_nlink:
-            return f'{name}: the file has been deleted, what is recorded will be lost'
+            return f'{name}: the file has been deleted, what is recorded will be lost', True
         if there is None:
-            return f'{name}: the file has been moved, recording continues in it at its new place'
+            return f'{name}: the file has been moved, recording continues in it at its new place', False
         if not os.path.samestat(mine, there):
-            return f'{name}: another file has this name now, recording continues in the first one'
+            return f'{name}: another file has this name now, recording continues in the first one', False
         if mine.st_size < given:
-            return f'{name}: the file has been cut short, the log is damaged'
-        return ''
+            return f'{name}: the file has been cut short, the log is damaged', True
+        return '', False
 
     def close(self) -> None:
         """
@@ -165,7 +165,7 @@ class LogWriter:
         if self._file.closed:
             return
         self.flush()
-        where = self.whereabouts()
+        where, _ = self.whereabouts()
         if where and not os.fstat(self._file.fileno()).st_nlink:
             raise self._fail('the file has been deleted')
         if where:
@@ -248,7 +248,7 @@ class BackgroundLogWriter:
         self._writer = LogWriter(*arguments, **options)
         self._add, self._channel_ids = self._writer.chunk.add_message, self._writer.channel_ids
         self.error: Optional[LogError] = None
-        self._accepting, self._whereabouts, self._watch_due = True, '', monotonic() + WATCH_PERIOD
+        self._accepting, self._whereabouts, self._watch_due = True, ('', False), monotonic() + WATCH_PERIOD
         self._closing = Event()
         self._thread = Thread(target=self._run, name='log writer', daemon=True)
         self._thread.start()
@@ -267,7 +267,12 @@ class BackgroundLogWriter:
     @property
     def trouble(self) -> str:
         """Return what is wrong, '' for nothing: the error, or what others have done to the file up to 0.5 s ago."""
-        return str(self.error) if self.error else self._whereabouts
+        return str(self.error) if self.error else self._whereabouts[0]
+
+    @property
+    def lost(self) -> bool:
+        """Whether the log ends here: writing has failed, or others have deleted the file or cut it short."""
+        return self.error is not None or self._whereabouts[1]
 
     def write(self, topic: str, data: bytes, log_time_ns: int, publish_time_ns: int, sequence: int = 0) -> None:
         """Take one message as LogWriter.append does; never blocks and never raises, from any thread."""

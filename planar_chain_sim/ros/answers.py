@@ -1,4 +1,4 @@
-"""Which joints have a command for the state that lockstep has shown last."""
+"""Which joints have a command for the state that lockstep has published last."""
 from __future__ import annotations
 
 from typing import Sequence
@@ -19,28 +19,28 @@ class Answers:
     def __init__(self, joints: Sequence[int]):
         self._joints = frozenset(joints)
         self.missing = set()
-        self.stamp, self.shown, self.since = -1, 0, 0
+        self.stamp, self.published, self.since = -1, 0, 0
         self._anew = False  # whether the state before had the same stamp
-        self.told = False  # whether silence has been reported
+        self.reported = False  # whether silence has been reported
 
-    def await_for(self, stamp: int, shown: int, since: int) -> None:
+    def await_for(self, stamp: int, published: int, since: int) -> None:
         """
         Begin anew: wait for the answers to the state of this stamp, ns.
 
-        It was shown at `shown`, ns since the epoch, by the clock that the middleware has, and at `since`, ns, by the
-        steady one.
+        It was published at `published`, ns since the epoch, by the clock that the middleware has, and at `since`, ns,
+        by the steady one.
         """
         self._anew = stamp == self.stamp
-        self.stamp, self.shown, self.since, self.told = stamp, shown, since, False
+        self.stamp, self.published, self.since, self.reported = stamp, published, since, False
         self.clear()
 
     def clear(self) -> None:
         """Forget the answers that have come, and wait for the same ones."""
         self.missing = set(self._joints)
 
-    def again(self, shown: int) -> None:
-        """Show the state once more: a clock that was set back meanwhile must not make all answers look old."""
-        self.shown = min(self.shown, shown)
+    def note_repeated(self, published: int) -> None:
+        """Note that the state was published once more: after a clock was set back, no answer must look old by that."""
+        self.published = min(self.published, published)
 
     @property
     def complete(self) -> bool:
@@ -52,7 +52,7 @@ class Answers:
         answers = command.stamp in (None, self.stamp)
         if command.stamp is None or self._anew:
             # DDS counts seconds in 32 bits, and has no later time
-            answers = answers and (received <= 0 or received >= self.shown)
+            answers = answers and (received <= 0 or received >= self.published)
         acting = [(joint, value) for joint, value in zip(command.joints, command.efforts)
                   if joint not in self._joints or (answers and joint in self.missing)]
         if len(acting) == len(command.joints):
@@ -71,6 +71,6 @@ class Answers:
             return 'early answer', 'came before the state that waits for an answer was published'
         if not command.stamp:
             return 'no stamp', 'has no stamp, in lockstep it must repeat that of the state it answers'
-        what = 'an earlier state' if command.stamp < self.stamp else 'no state that was shown'
+        what = 'an earlier state' if command.stamp < self.stamp else 'no state that was published'
         return 'other stamp', (f'has the stamp {command.stamp * 1e-9:.9g} s, which is that of {what}: in lockstep it '
                                f'must repeat that of the state it answers, now {self.stamp * 1e-9:.9g} s')

@@ -44,14 +44,14 @@ class CommandIntake:
         self._waker = GuardCondition(lambda: None, None, context=context)
         self._wait_set = _rclpy.WaitSet(len(inputs), 1, 0, 0, 0, 0, context.handle)
 
-    def look(self) -> None:
-        """Look who publishes."""
+    def check_publishers(self) -> None:
+        """Check who publishes."""
         self._heard = tuple(key for key, subscription in self._inputs.items() if subscription.get_publisher_count())
-        self._next = tuple(INPUTS)  # also hear who came and went between two looks
+        self._next = tuple(INPUTS)  # also those who came and went between two checks
 
     @property
     def commanded(self) -> bool:
-        """Whether there was a publisher of commands at the last look()."""
+        """Whether there was a publisher of commands at the last check_publishers()."""
         return any(key in COMMANDS for key in self._heard)
 
     def wait(self, nanoseconds: int) -> None:
@@ -72,9 +72,9 @@ class CommandIntake:
         """Let go of what waits."""
         self._waker.destroy()
 
-    def latch(self, tick: int, answers: Optional[Answers] = None) -> Optional[str]:
+    def take_commands(self, tick: int, answers: Optional[Answers] = None) -> Optional[str]:
         """
-        Take what has come; return the topic of the newest command that acts from `tick` on and is not told of yet.
+        Take what has come; return the topic of the newest command that acts from `tick` on and is not recorded yet.
 
         The newest command of each joint acts, in lockstep the first that answers the state outstanding.
         """

@@ -28,13 +28,13 @@ class Diagnostics:
 
     def report(self) -> None:
         """Publish one message; where the tick thread does not answer, that is what it says."""
-        answered, measured = self._simulator.ask('measure')
+        answered, measured = self._simulator.measure()
         if answered:
             statuses = [self._simulation(measured), self._commands(measured), self._log_state(), self._network()]
             self._before = (measured.missed, measured.dropped, sum(measured.rejected.values()),
                             sum(measured.ignored.values()))
         else:
-            statuses = [self._status('simulation', ERROR, measured, {})]
+            statuses = [self._status('simulation', ERROR, self._simulator.requests.tick_under_way or measured, {})]
         message = DiagnosticArray(status=statuses)
         message.header.stamp = Time(sec=(now := min(time_ns(), LAST_STAMP)) // 10**9, nanosec=now % 10**9)
         self._simulator.hold_ups.during(self._publisher.publish, message)

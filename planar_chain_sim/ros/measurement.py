@@ -49,11 +49,11 @@ class Meter:
         self._ticks = self._sum = self._largest = 0  # wake-ups and their lateness, ns, since the last look
         self._last = simulation.tick, monotonic_ns()
 
-    def begin(self, simulation) -> None:
+    def restart(self, simulation) -> None:
         """Begin a new energy balance: the state or the chain was changed from outside."""
         self.balance.restart(simulation.chain, simulation.position, simulation.velocity)
 
-    def late(self, late: int, period: float) -> None:
+    def add_lateness(self, late: int, period: float) -> None:
         """Take the lateness of a wake-up, ns, at this period, ns."""
         self._ticks += 1
         self._sum += late
@@ -62,7 +62,7 @@ class Meter:
         if late > period > 0.0:
             self._missed += 1
 
-    def dropped(self, seconds: float) -> None:
+    def add_dropped(self, seconds: float) -> None:
         """Take time that was given up."""
         self._dropped += seconds
 

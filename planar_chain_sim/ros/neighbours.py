@@ -8,24 +8,24 @@ PERIOD = 1.0  # s
 
 class Neighbours:
     """
-    Checks the ROS graph for `node` and reports each new fault through `simulator`, by its request 'ignore'.
+    Checks the ROS graph for `node` and reports each new fault through `simulator`.
 
     `inputs`, `publishers`: key of INPUTS or OUTPUTS -> subscription, publisher. faults: sentences on what is wrong at
-    the last look().
+    the last check().
     """
 
     def __init__(self, node, simulator, inputs, publishers):
         self._node, self._simulator = node, simulator
         self._inputs, self._publishers = inputs, publishers
-        self._told, self.faults = set(), []
+        self._reported, self.faults = set(), []
 
-    def look(self) -> None:
+    def check(self) -> None:
         """Check the graph now."""
         found = {key: fault for key, *fault in self._simulator.hold_ups.during(tuple, self._found())}
         self.faults = [sentence for _, _, sentence in found.values()]
-        for key in found.keys() - self._told:
-            self._simulator.ask('ignore', *found[key])
-        self._told = set(found)
+        for key in found.keys() - self._reported:
+            self._simulator.ignore(*found[key])
+        self._reported = set(found)
 
     def _found(self):
         """Yield (key, topic, reason, sentence) of each fault."""

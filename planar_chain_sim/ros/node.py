@@ -158,10 +158,10 @@ def serve(node, ending, stop, simulator, chain, urdf, values, log, ends) -> None
     if values['chain_file'] == ON_TOPIC:
         from .description import warn_of_another
         warn_of_another(node, urdf)
-    let_set(node, chain, lambda given: simulator.ask('set_parameters', given))
-    services.every(NEIGHBOURS_PERIOD, neighbours.look)
-    services.every(PERIOD, Diagnostics(node.get_fully_qualified_name().lstrip('/'), simulator,
-                                       publishers['diagnostics'], values, log, chain.name, neighbours).report)
+    let_set(node, chain, simulator.set_parameters)
+    services.ask_every(NEIGHBOURS_PERIOD, neighbours.check)
+    services.ask_every(PERIOD, Diagnostics(node.get_fully_qualified_name().lstrip('/'), simulator,
+                                           publishers['diagnostics'], values, log, chain.name, neighbours).report)
     if values['publish_markers'] or values['publish_tf'] or values['frame_id']:
         frames = frames_of(chain, urdf, values)
         frame_id = values['frame_id'] or frames.root
@@ -172,7 +172,7 @@ def serve(node, ending, stop, simulator, chain, urdf, values, log, ends) -> None
         from .markers import marker_array, PERIOD as MARKER_PERIOD
 
         def publish_markers() -> None:
-            stamp, position = simulator.seen
+            stamp, position = simulator.published_state
             markers = marker_array(chain, frames, stamp, position, frame_id)
             simulator.hold_ups.during(publishers['markers'].publish, markers)
 
@@ -249,7 +249,7 @@ def load(node, values, stop):
 
 def create_simulation(chain, values):
     """Return the Simulation of the chain and the parameters, which are checked; ChainError where there can't be one."""
-    from .simulator import payload_of
+    from .tick_thread import payload_of
     from ..chain.quantities import changed_chain, QUANTITIES
     from ..motion.simulation import Simulation
     from ..recording.events import apply_event

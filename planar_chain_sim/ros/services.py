@@ -1,42 +1,66 @@
-"""The node's services and whatever else may take its time, in a thread of its own so that no tick waits for it."""
+"""The node's services and whatever else may take its time, in threads of its own so that no tick waits for it."""
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from threading import Thread
+from time import monotonic
 
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.executors import SingleThreadedExecutor
 from std_srvs.srv import SetBool, Trigger
 
-from .standard_services import offer
+from .standard_services import create_standard_services
 
 LAST_TURNS = 8   # of the executor, for answers in hand that had let others have a turn
+LAST_ANSWERS = 1.0   # s, for those that wait when the node ends
+
+
+class _Turn:
+    """Awaited by a coroutine that gives others a turn in the same executor."""
+
+    def __await__(self):
+        yield
 
 
 class ServiceThread:
     """
     Serves ~/reset, ~/step and ~/pause of a Simulator, and all else the node itself offers, between start() and stop().
 
-    `done(error)` is called when the thread cannot go on, `done(None)` when somebody wants the process to end.
+    What asks the simulator waits in a second thread, in the order in which it came, while the others are served.
+    `done(error)` is called when a thread cannot go on, `done(None)` when somebody wants the process to end.
     """
 
     def __init__(self, node, simulator, done):
         self._node, self._done, self._stopping = node, done, False
-        for name, ask in (('reset', lambda request: simulator.ask('reset')),
-                          ('step', lambda request: simulator.ask('step')),
-                          ('pause', lambda request: simulator.ask('pause', request.data))):
-            node.create_service(SetBool if name == 'pause' else Trigger, f'~/{name}', _answering(ask))
+        self._asking, self._waiting = ThreadPoolExecutor(1, 'asking'), 0   # coroutines that wait for it
+        self._group = ReentrantCallbackGroup()   # many of these may wait at once
+        for name, service_type, ask in (('reset', Trigger, lambda request: simulator.reset()),
+                                        ('step', Trigger, lambda request: simulator.step()),
+                                        ('pause', SetBool, lambda request: simulator.pause(request.data))):
+            node.create_service(service_type, f'~/{name}', self._answering(ask), callback_group=self._group)
         self._clock = Clock(clock_type=ClockType.STEADY_TIME)  # the ROS clock may be ours to move, or stand still
         self._executor = SingleThreadedExecutor()
-        offer(node, simulator, self._executor, lambda: done(None))
+        create_standard_services(node, simulator, self._group, lambda: done(None), self._ask)
         self._executor.add_node(node)
         self._thread = Thread(target=self._spin, name='services', daemon=True)
 
     def every(self, period: float, work) -> None:
-        """Have `work()` done every `period` s of wall time."""
+        """Have `work()` done every `period` s of wall time, which must not ask the simulator."""
         self._node.create_timer(period, work, clock=self._clock)
 
+    def ask_every(self, period: float, work) -> None:
+        """Have `work()` done every `period` s of wall time, which may ask the simulator."""
+        async def ask():
+            await self._ask(work)
+        self._node.create_timer(period, ask, MutuallyExclusiveCallbackGroup(), self._clock)
+
     def start(self) -> None:
-        """Start answering."""
+        """Start answering; the services that set parameters are complete by now."""
+        for service in self._node.services:
+            if service.srv_type in (SetParameters, SetParametersAtomically):
+                service.callback, service.callback_group = self._asked(service.callback), self._group
         self._thread.start()
 
     def stop(self) -> None:
@@ -44,20 +68,42 @@ class ServiceThread:
         self._stopping = True
         self._executor.create_task(lambda: None)  # something to do, so that the wait ends
         self._thread.join()
+        self._asking.shutdown()
         self._executor.shutdown()
 
     def _spin(self) -> None:
         try:
             while not self._stopping:
                 self._executor.spin_once()
+            until = monotonic() + LAST_ANSWERS
+            while self._waiting and monotonic() < until:
+                self._executor.spin_once(timeout_sec=0.01)
             for _ in range(LAST_TURNS):
                 self._executor.spin_once(timeout_sec=0.0)
         except BaseException as error:
             self._done(error)
 
+    async def _ask(self, function, *arguments):
+        """Return what a function returns that may have to wait for the tick thread."""
+        self._waiting += 1
+        try:
+            asked = self._asking.submit(function, *arguments)
+            asked.add_done_callback(lambda future: self._executor.wake())
+            while not asked.done():
+                await _Turn()
+            return asked.result()
+        finally:
+            self._waiting -= 1
 
-def _answering(ask):
-    def callback(request, response):
-        response.success, response.message = ask(request)
-        return response
-    return callback
+    def _asked(self, callback):
+        """Return a service's callback that runs where it may wait."""
+        async def wait(request, response):
+            return await self._ask(callback, request, response)
+        return wait
+
+    def _answering(self, ask):
+        """Return the callback of a service whose answer is (success, sentence)."""
+        async def answer(request, response):
+            response.success, response.message = await self._ask(ask, request)
+            return response
+        return answer

@@ -16,10 +16,10 @@ STOPPED, PLAYING, PAUSED, QUITTING = 0, 1, 2, 3     # SimulationState
 
 
 class StandardServices:
-    """Answers for a Simulator; `quit()` ends the process, `await pause()` lets others have a turn."""
+    """Answers for a Simulator; `quit()` ends the process, `await ask(function, ...)` lets others have a turn."""
 
-    def __init__(self, simulator, quit_process: Callable[[], None], name: str, pause: Callable[[], Awaitable]):
-        self._simulator, self._quit, self._name, self._pause = simulator, quit_process, name, pause
+    def __init__(self, simulator, quit_process: Callable[[], None], name: str, ask: Callable[..., Awaitable]):
+        self._simulator, self._quit, self._name, self._ask = simulator, quit_process, name, ask
         self._stopped_at = None  # tick at which somebody wanted it stopped
         self.rows = {   # name of the service -> (type, answer)
             'get_simulator_features': ('GetSimulatorFeatures', self.features),
@@ -34,21 +34,21 @@ class StandardServices:
         response.features.custom_info = f'planar_chain_sim, node {self._name}; time is never reset'
         return response
 
-    def reset(self, request, response):
+    async def reset(self, request, response):
         """Put back the initial state; a scope that names time or spawned things, and not all, is not supported."""
         if request.scope in (SCOPE_DEFAULT, SCOPE_STATE, SCOPE_ALL):
-            return _answer(response, *self._simulator.ask('reset'))
+            return _answer(response, *await self._ask(self._simulator.reset))
         return _fail(response, FEATURE_UNSUPPORTED, f'scope {request.scope} is not supported, must be STATE '
                      f'({SCOPE_STATE}) or ALL ({SCOPE_ALL})')
 
     async def step(self, request, response):
         """Step this many ticks, while paused; whoever pauses, resumes or resets meanwhile ends it."""
-        total, completed = request.steps, 0
-        for done, sentence in self._steps(total):
+        total, completed, overruled = request.steps, 0, self._simulator.overruled
+        while completed < total:
+            done, result = await self._ask(self._simulator.step_on, total - completed, overruled)
             if not done:
-                return _fail(response, OPERATION_FAILED, f'{sentence} ({completed} of {total} steps done)')
-            completed = sentence
-            await self._pause()
+                return _fail(response, OPERATION_FAILED, f'{result} ({completed} of {total} steps done)')
+            completed += result
         return _answer(response, True, '')
 
     def get_state(self, request, response):
@@ -56,7 +56,7 @@ class StandardServices:
         response.state.state = self._state()
         return _answer(response, True, '')
 
-    def set_state(self, request, response):
+    async def set_state(self, request, response):
         """Play, pause, stop (pause and reset) or quit."""
         wanted = request.state.state
         if wanted == self._state():
@@ -65,7 +65,7 @@ class StandardServices:
             self._quit()
         elif wanted in (PLAYING, PAUSED, STOPPED):
             self._stopped_at = None
-            done, sentence = self._simulator.ask('pause', wanted != PLAYING, wanted == STOPPED)
+            done, sentence = await self._ask(self._simulator.pause, wanted != PLAYING, wanted == STOPPED)
             if done and wanted == STOPPED:
                 self._stopped_at = self._simulator.tick
             return _answer(response, done, sentence)
@@ -76,31 +76,20 @@ class StandardServices:
     async def simulate(self, goal, action_type):
         """Step this many ticks, with feedback, until done or cancelled."""
         result, feedback = action_type.Result(), action_type.Feedback()
-        total, completed = goal.request.steps, 0
-        for done, sentence in self._steps(total):
+        total, completed, overruled = goal.request.steps, 0, self._simulator.overruled
+        while completed < total:
+            done, made = await self._ask(self._simulator.step_on, total - completed, overruled)
             if not done:
                 goal.abort()
-                return _fail(result, OPERATION_FAILED, sentence)
-            completed = sentence
+                return _fail(result, OPERATION_FAILED, made)
+            completed += made
             feedback.completed_steps, feedback.remaining_steps = completed, total - completed
             goal.publish_feedback(feedback)
-            await self._pause()
             if goal.is_cancel_requested:
                 goal.canceled()
                 return _fail(result, OPERATION_FAILED, f'cancelled after {completed} of {total} steps')
         goal.succeed()
         return _answer(result, True, '')
-
-    def _steps(self, total: int):
-        """Step a while at a time; yield (True, steps completed) or at last (False, why)."""
-        completed, overruled = 0, self._simulator.overruled
-        while completed < total:
-            done, sentence = self._simulator.ask('step_on', total - completed, overruled)
-            if not done:
-                yield False, sentence
-                return
-            completed += sentence
-            yield True, completed
 
     def _state(self) -> int:
         if not self._simulator.paused:
@@ -117,34 +106,19 @@ def _fail(response, code: int, sentence: str):
     return response
 
 
-class _Turn:
-    """Awaited by a coroutine that gives others a turn in the same executor."""
-
-    def __init__(self, executor):
-        self._executor = executor
-
-    def __await__(self):
-        self._executor.wake()  # so that it comes back to us
-        yield
-
-
-def offer(node, simulator, executor, quit_process: Callable[[], None]) -> bool:
-    """Offer all of it on the node, served by `executor`; return False where the package is not installed."""
+def create_standard_services(node, simulator, group, quit_process: Callable[[], None], ask) -> None:
+    """Create all of it on the node, in a callback group, where the package is installed; `ask`: of StandardServices."""
     try:
         from simulation_interfaces import srv
         from simulation_interfaces.action import SimulateSteps
     except ImportError:
-        return False
+        return
     from rclpy.action import ActionServer, CancelResponse
-    from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
-    services = StandardServices(simulator, quit_process, node.get_fully_qualified_name(), lambda: _Turn(executor))
-    alone = MutuallyExclusiveCallbackGroup()   # while steps are made, the other services answer
+    services = StandardServices(simulator, quit_process, node.get_fully_qualified_name(), ask)
     for name, (type_name, answer) in services.rows.items():
-        node.create_service(getattr(srv, type_name), f'~/{name}', answer,
-                            callback_group=alone if name == 'step_simulation' else None)
+        node.create_service(getattr(srv, type_name), f'~/{name}', answer, callback_group=group)
 
     async def execute(goal):
         return await services.simulate(goal, SimulateSteps)
-    ActionServer(node, SimulateSteps, '~/simulate_steps', execute,
+    ActionServer(node, SimulateSteps, '~/simulate_steps', execute, callback_group=group,
                  cancel_callback=lambda goal: CancelResponse.ACCEPT)
-    return True

@@ -33,18 +33,18 @@ def stamped(transforms, stamp: int) -> list:
 
 
 class TransformPublisher:
-    """Publishes the frames of `frames` (LinkFrames) at the state that `simulator` last showed."""
+    """Publishes the frames of `frames` (LinkFrames) at the state that `simulator` published last."""
 
     def __init__(self, simulator, frames, joint_names, publishers):
         from tf2_msgs.msg import TFMessage
         self._simulator, self._frames, self._names = simulator, frames, joint_names
         self._message, self._publisher, self._last = TFMessage, publishers['tf'], None
-        stamp, _ = simulator.seen
+        stamp, _ = simulator.published_state
         publishers['tf_static'].publish(TFMessage(transforms=stamped(frames.fixed(), stamp)))
 
     def publish(self) -> None:
         """Publish the frames of the joints that move, once for each state."""
-        stamp, position = self._simulator.seen
+        stamp, position = self._simulator.published_state
         if stamp != self._last:
             self._last = stamp
             moving = self._frames.moving(dict(zip(self._names, position)))

@@ -234,13 +234,13 @@ def test_a_log_that_was_cut_short_is_known_whenever_that_was(seed, tmp_path):
     writer = LogWriter(path, CHANNELS, **EXTRAS, flush_period=600.0)
     write(writer, recorded(draw.randrange(1, 400)))
     writer.flush()
-    assert writer.whereabouts() == ''
+    assert writer.whereabouts() == ('', False)
     write(writer, recorded(draw.randrange(400)))
     if seed % 2:
         writer._mcap.close_chunk()   # as far as a flush has come when the file is cut
     os.truncate(path, draw.randrange(path.stat().st_size))
     write(writer, recorded(draw.randrange(800)))
     writer.flush()
-    assert 'cut short' in writer.whereabouts()
+    assert 'cut short' in writer.whereabouts()[0]
     with pytest.warns(RuntimeWarning, match='cut short'):
         writer.close()

@@ -257,6 +257,19 @@ def test_a_full_disk_ends_it_where_that_is_wanted(small_disk):
                         process.lines[-1])
 
 
+@pytest.mark.parametrize('harm, said', [
+    (lambda path: path.unlink(), 'the file has been deleted, what is recorded will be lost'),
+    (lambda path: os.truncate(path, 1000), 'the file has been cut short, the log is damaged')])
+def test_a_lost_log_ends_it_where_that_is_wanted(harm, said, tmp_path):
+    path = tmp_path / 'run.mcap'
+    with simulator(record=path, on_log_failure='stop') as process, Peer() as peer:
+        peer.new_state(lambda state: path.stat().st_size > 10_000)
+        harm(path)
+        assert process.finish() == 2, process.output
+    assert f"log '{path}': {said}" in process.output and 'Traceback' not in process.output
+    assert process.lines[-1].startswith(f"simulator: log '{path}': ")
+
+
 def test_a_disk_that_is_full_when_the_log_is_closed_is_told(small_disk):
     """Nothing but the summary does not fit: the node hears of it when it ends."""
     folder, limit = small_disk

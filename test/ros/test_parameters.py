@@ -432,6 +432,20 @@ def until_refused(ask):
     return answer[1]
 
 
+def parameters_are_read_while_services_wait(peer):
+    """Ask in the midst of a long tick: the reader is served before those who wait for the tick thread."""
+    peer.until(peer.parameters.services_are_ready)
+    end, waited = monotonic() + PATIENCE, False
+    while not waited:   # a tick may end just then
+        assert monotonic() < end, 'the parameters were never read before a service had its answer'
+        pending = [peer.services[name].call_async(peer.services[name].srv_type.Request()) for name in ('reset', 'step')]
+        pending.append(peer.parameters.set_parameters([Parameter('gravity', value=[0.0, -2.0])]))
+        assert peer.ask(peer.parameters.get_parameters(['rate'])).values[0].double_value == 1.0
+        waited = not any(future.done() for future in pending)
+        for future in pending:
+            peer.ask(future)
+
+
 def test_what_takes_longer_than_its_time_out_is_still_under_way_and_told_afterwards(tmp_path):
     (tmp_path / 'slow.yaml').write_text(slow_here())
     with simulator(chain_file=tmp_path / 'slow.yaml', method='rodas5p', rate=1.0, tolerance=1e-11) as process, \
@@ -442,6 +456,7 @@ def test_what_takes_longer_than_its_time_out_is_still_under_way_and_told_afterwa
         assert until_refused(lambda: peer.call('reset')).startswith('still under way after 2 s')
         process.wait_for('late answer to reset: initial state and zero efforts from tick')
         peer.until(lambda: any('"reset"' in event.data for event in peer.events))
+        parameters_are_read_while_services_wait(peer)
         assert until_refused(lambda: peer.set(gravity=[0.0, -1.0])[0]) == (
             'not done: the simulation is in a tick that takes longer than 2 s')
         assert process.stop() == 0, process.output

@@ -5,6 +5,7 @@ The definitions, fields and constants alone, lie in interface_definitions/. Obje
 those fields, so that an answer that says more, or other, fails.
 """
 from contextlib import ExitStack
+from inspect import iscoroutine
 from pathlib import Path
 from queue import SimpleQueue
 import time
@@ -58,7 +59,7 @@ def running():
                     cli_args=['--ros-args', '-p', 'start_paused:=true', '-r', '__ns:=/inner'])
         ending.callback(node.destroy_node)
         started, *_ = start_simulator(node, ending, stop)
-        services = StandardServices(started, lambda: quits.append(True), node.get_fully_qualified_name(), Turn)
+        services = StandardServices(started, lambda: quits.append(True), node.get_fully_qualified_name(), ask)
         yield services, started, quits
 
 
@@ -67,6 +68,12 @@ class Turn:
 
     def __await__(self):
         yield
+
+
+async def ask(function, *arguments):
+    answer = function(*arguments)
+    await Turn()
+    return answer
 
 
 def begun(services, name, **values):
@@ -88,7 +95,7 @@ def ended(coroutine):
 
 def call(services, name, **values):
     answer = begun(services, name, **values)
-    return ended(answer) if name == 'step_simulation' else answer
+    return ended(answer) if iscoroutine(answer) else answer
 
 
 def state_of(value):
@@ -123,11 +130,11 @@ def test_steps_states_and_reset(running):
     assert call(services, 'get_simulation_state').state.state == 2
     assert call(services, 'step_simulation', steps=250).result.result == 1 and simulation.tick == 250
     assert call(services, 'step_simulation').result.result == 1 and simulation.tick == 251, 'one by default'
-    _, start = simulation.seen
+    _, start = simulation.published_state
     assert call(services, 'reset_simulation', scope=4).result.result == 0
-    assert simulation.seen[1].tobytes() == start.tobytes()
+    assert simulation.published_state[1].tobytes() == start.tobytes()
     assert call(services, 'reset_simulation').result.result == 1 and simulation.tick == 251
-    assert simulation.seen[1].tobytes() != start.tobytes()
+    assert simulation.published_state[1].tobytes() != start.tobytes()
     assert call(services, 'set_simulation_state', state=state_of(0)).result.result == 1
     assert call(services, 'get_simulation_state').state.state == 0
     assert call(services, 'set_simulation_state', state=state_of(0)).result.result == 101
