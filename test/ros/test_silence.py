@@ -278,7 +278,7 @@ def test_lockstep_says_which_joint_is_missing(lockstep):
 
 
 @pytest.mark.parametrize('seconds, reason, words', [
-    (1_800_000_000, 'other stamp', 'has the stamp 1.8e+09 s, which is that of no state that was shown'),
+    (1_800_000_000, 'other stamp', 'has the stamp 1.8e+09 s, which is that of no state that was published'),
     (0, 'no stamp', 'has no stamp, in lockstep it must repeat that of the state it answers')])
 def test_a_lockstep_command_with_a_stamp_of_its_own_is_told(lockstep, seconds, reason, words):
     state = lockstep.new_state()
