@@ -4,7 +4,7 @@ from __future__ import annotations
 from collections import deque
 from functools import wraps
 from queue import Empty, SimpleQueue
-from threading import current_thread
+from threading import current_thread, Thread
 from time import monotonic_ns
 from typing import Callable, Optional
 
@@ -29,7 +29,8 @@ class Requests:
 
     def __init__(self, wake: Callable[[], None]):
         self._wake, self._waiting, self._ended = wake, deque(), False
-        self.thread, self.in_tick_since = None, None
+        self.thread: Optional[Thread] = None
+        self.in_tick_since: Optional[int] = None
 
     def __bool__(self):
         return bool(self._waiting)
