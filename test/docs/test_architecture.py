@@ -1,10 +1,15 @@
 """Every import and every #include goes where the tables of docs/architecture.md allow it, and none in a circle."""
 import ast
 from pathlib import Path
+import pickle
 import re
+import subprocess
+import sys
 from typing import NamedTuple
 
 import pytest
+
+import planar_chain_sim as pcs
 
 ROOT = Path(__file__).resolve().parents[2]
 NAME = 'planar_chain_sim'
@@ -110,3 +115,16 @@ def test_there_is_no_circle(arrows):
 def test_ros_is_imported_in_its_room_and_by_measurements_alone():
     rooms = {room_of(start) for start, end in python_arrows() if OF_ROS.fullmatch(end.partition('.')[0])}
     assert rooms == {'ros', 'benchmark'}
+
+
+FORMER = {'chain': 'Body Chain ChainError Joint', 'dynamics': 'Interrupted SimulationError', 'loads': 'Wrench',
+          'body_poses': 'BodyPoses', 'simulation': 'Checkpoint JointEvent Run Simulation', 'batch': 'BatchRun'}
+
+
+@pytest.mark.parametrize(('module', 'name'), [(module, name) for module in FORMER for name in FORMER[module].split()])
+def test_pickles_of_the_first_version_find_their_classes(module, name):
+    """Protocol 0 writes a class as the names of its module and its own; the modules are those of version 0.1."""
+    found = f"import pickle; print(pickle.loads(b'c{NAME}.{module}\\n{name}\\n.'))"
+    done = subprocess.run([sys.executable, '-c', found], capture_output=True, text=True)
+    assert done.stdout == f'{getattr(pcs, name)}\n', done.stderr
+    assert pickle.loads(pickle.dumps(getattr(pcs, name))) is getattr(pcs, name)
