@@ -21,6 +21,7 @@ import yaml
 
 import planar_chain_sim as pcs
 from planar_chain_sim.chain import checks
+from planar_chain_sim.executables import MODULES
 
 PATIENCE = 60.0    # s
 NOT_RUN = {        # what cannot be run here, and how many blocks
@@ -33,7 +34,7 @@ NOT_RUN = {        # what cannot be run here, and how many blocks
 # What runs until Ctrl-C, and the line by which it is known to run; None: known by efforts of the arm.
 ENDLESS = {'simulator': 'running', 'example_controller': 'largest error', 'replay': 'replaying',
            'python controller.py': None}
-EXECUTABLES = dict(re.findall(r"f'(\w+) = \{NAME\}\.([\w.]+):main'", (ROOT / 'setup.py').read_text()))
+EXECUTABLES = {**dict(re.findall(r"f'(\w+) = \{NAME\}\.([\w.]+):main'", (ROOT / 'setup.py').read_text())), **MODULES}
 
 
 def title(page: Path) -> str:

@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 from random import Random
 import re
+import signal
 import subprocess
 import sys
 
@@ -13,6 +14,7 @@ import pytest
 import planar_chain_sim as pcs
 from planar_chain_sim import command_line, urdf_file
 from planar_chain_sim.benchmark import command_line as benchmark
+from planar_chain_sim.executables import MODULES as EXECUTABLES
 from planar_chain_sim.pictures import __main__ as pictures, animation
 from planar_chain_sim.recording import resimulation, rollout
 from planar_chain_sim.recording.log_reader import read_log
@@ -317,3 +319,20 @@ def test_a_note_that_cannot_be_written_does_not_end_the_run(tmp_path):
         code = subprocess.run([sys.executable, '-m', 'planar_chain_sim.recording.rollout', robot, '--duration', '0.1',
                                '--output', log], stdout=subprocess.DEVNULL, stderr=full, timeout=120).returncode
     assert code == 0 and read_log(log).complete
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize('name', sorted({*EXECUTABLES} - {'benchmark'}))   # which imports little at first
+def test_a_stop_signal_in_the_midst_of_the_imports_is_one_line(name, number, tmp_path):
+    """Python says which modules have been imported: NumPy's first is long before the last."""
+    process = subprocess.Popen(
+        [sys.executable, '-X', 'importtime', '-c', f'from planar_chain_sim.executables import {name}; {name}()'],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path,
+        env={**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)})
+    for line in process.stderr:
+        if 'numpy' in line:
+            break
+    process.send_signal(number)
+    out, err = process.communicate(timeout=60)
+    said = [line for line in err.splitlines() if not line.startswith('import time:')]
+    assert process.returncode == 128 + number and out == '' and said == [f'{name}: interrupted']

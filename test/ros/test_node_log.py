@@ -42,7 +42,7 @@ def resimulate(path):
 
 @pytest.fixture(scope='module')
 def held(tmp_path_factory):
-    """Return the log of 10 s at 1 kHz in which a controller in another process holds POSE, and what that printed last."""
+    """Return the log of 10 s at 1 kHz in which another process holds POSE, and what that printed last."""
     path = tmp_path_factory.mktemp('held') / 'run.mcap'
     with simulator(record=path) as process:
         code, words = run('hold_controller', 'four_link_robot.yaml', 10, *POSE)
