@@ -144,6 +144,11 @@ def clipped(text, length=48) -> str:
     return text if text.isprintable() else repr(text)[1:-1]
 
 
+def counted(number: int, noun: str) -> str:
+    """Return a number of things, as in '1 link' and '2 links'."""
+    return f'{number} {noun}' if number == 1 else f'{number} {noun}s'
+
+
 def shown(value) -> str:
     """Return how a sentence names a value that was got."""
     if value is MISSING:

@@ -12,6 +12,7 @@ from .path_matrix import Place
 from .solvable import refuse_singular
 from .. import _kernel
 from ..chain.chain import Chain, check_chain
+from ..chain.section import counted
 
 DENSE_LINKS = _kernel.DENSE_LINKS   # up to which the dense form is worth it for a serial chain that only turns
 
@@ -35,7 +36,7 @@ class Plan:
         return f'Plan: {self}; form {self.form}'
 
     def __str__(self):
-        return (f'{self.links} links, {self.joints} joints; '
+        return (f'{counted(self.links, "link")}, {counted(self.joints, "joint")}; '
                 f'uses {", ".join(self.used) or "nothing more"}; skips {", ".join(self.skipped) or "nothing"}')
 
 

@@ -13,6 +13,7 @@ from .simulation import Simulation, stop_error, whole_ticks
 from .. import _kernel
 from ..chain.chain import Chain
 from ..chain.joint_arrays import initial_state, joint_array, refuse_beyond_stops
+from ..chain.section import counted
 from ..mechanics.plan import plan_of
 
 if TYPE_CHECKING:
@@ -40,7 +41,8 @@ class BatchRun:
     def __repr__(self) -> str:
         scenes, rows, joints = self.position.shape
         kept = f'{rows} states each' if rows > 1 else 'the last state alone'
-        return (f'BatchRun: {scenes} scenes, {joints} joints, to t = {self.time[-1]:g} s, {kept}; '
+        return (f'BatchRun: {counted(scenes, "scene")}, {counted(joints, "joint")}, to t = {self.time[-1]:g} s, '
+                f'{kept}; '
                 f'{len(self.failures) or "none"} failed')
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from .simulation import Simulation, whole_ticks
 from ..chain.chain import Chain
 from ..chain.joint_arrays import initial_state
+from ..chain.section import counted
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -26,7 +27,7 @@ class Run:
     def __repr__(self) -> str:
         ticks, joints = self.effort.shape
         step = f' of {self.time[1] - self.time[0]:g} s' if ticks else ''
-        return f'Run: {ticks} ticks{step}, {joints} joints, to t = {self.time[-1]:g} s'
+        return f'Run: {counted(ticks, "tick")}{step}, {counted(joints, "joint")}, to t = {self.time[-1]:g} s'
 
 
 def rollout(chain: Chain, duration: float, step: float = 1e-3, method: str = 'auto',

@@ -24,6 +24,7 @@ from .. import _kernel
 from ..chain.chain import altered, Chain
 from ..chain.joint_arrays import beyond_stop, initial_state, joint_array
 from ..chain.quantities import same_but_for_quantities
+from ..chain.section import counted
 from ..errors import SimulationError
 from ..mechanics.dynamics import resolve_form
 from ..mechanics.loads import checked_wrench, index_of, on_links, with_payload, without_payload, Wrench
@@ -113,7 +114,7 @@ def stop_error(chain: Chain, tick: int, time: float, outcome: int, joint: int, p
     name = chain.joint_names[joint]
     body = chain.body_of(name)
     why = _WHY[_kernel.OUTCOMES[outcome]]
-    return SimulationError(f"{where}joint '{name}' of body '{body}' of {chain.name} at tick {tick}, t = {time!r} s: "
+    return SimulationError(f"{where}joint '{name}' of body '{body}' of {chain.name} at tick {tick}, t = {time:.12g} s: "
                            f'{why}; the last good state is kept', joint=name, body=body, time=time, tick=tick,
                            position=position, velocity=velocity, reason=_kernel.OUTCOMES[outcome])
 
@@ -162,7 +163,8 @@ class Simulation:
 
     def __repr__(self) -> str:
         return (f'Simulation of {self.chain.name} at tick {self.tick}, t = {self.time:g} s: '
-                f'{self.chain.joint_count} joints, method {self.method}, tick {self.step:g} s; plan tells more')
+                f'{counted(self.chain.joint_count, "joint")}, method {self.method}, '
+                f'tick {self.step:g} s; plan tells more')
 
     def _make_stepper(self, chain: Chain, form: str) -> Any:
         return _kernel.Stepper(plan_of(chain).model, method_data(self._row, self.tolerance), self.step, form == 'dense')
@@ -410,7 +412,7 @@ class Simulation:
         self._warn_of_coarse_step()
         why = _kernel.OUTCOMES[outcome]
         if why == 'interrupted':
-            raise Interrupted(f'{self.chain.name} was interrupted at tick {self.tick}, t = {self.time!r} s')
+            raise Interrupted(f'{self.chain.name} was interrupted at tick {self.tick}, t = {self.time:.12g} s')
         if why != 'good':
             raise self._error(outcome, joint)
 

@@ -2,7 +2,7 @@
 Joint efforts from a command line or a file: one constant row, a row per tick, or rows with a starting time.
 
 A text file may have a header with the names of joints in any order and a time column. Commas, semicolons, tabs or
-spaces separate its columns. Blank lines and lines that begin with # are skipped.
+spaces separate its columns. Lines without a value, and those that begin with #, are skipped.
 """
 from __future__ import annotations
 
@@ -15,11 +15,12 @@ import numpy as np
 
 from ..chain.chain import Chain
 from ..chain.joint_arrays import joint_array
-from ..chain.section import angle_of, clipped, suggestion
+from ..chain.section import angle_of, clipped, counted, suggestion
 from ..errors import Mistake
 
 TIME = re.compile(r'(time|t)(_s|\s*[\[(]s[\])])?', re.IGNORECASE)   # the name of a column
 SEPARATORS = (';', '\t', ',', None)   # the first that the first row has; None: blanks
+EMPTY = ' \t\r\n,;"\''   # of which a spreadsheet's empty row consists
 GRID = 1e-6   # ticks: a time this little behind a tick is at it
 
 
@@ -37,7 +38,8 @@ class Efforts(NamedTuple):
         """Return a row for each tick (ticks, joints), zero before the first time; Mistake: rows that do not fit."""
         if self.time is None:
             if len(self.rows) < ticks:
-                raise Mistake(f'{name} has {len(self.rows)} rows, must have one for each of the {ticks} ticks')
+                raise Mistake(f'{name} has {counted(len(self.rows), "row")}, must have one for each of the {ticks} '
+                              'ticks')
             return self.rows[:ticks]
         first = self._first_ticks(step)
         if first[0] >= ticks:
@@ -118,7 +120,7 @@ def _number(text: str) -> Optional[float]:
 
 def _from_array(path: Path, name: str, chain: Chain) -> Union[Efforts, np.ndarray]:
     joints = chain.joint_count
-    wanted = f'must be an array of numbers with {joints} columns and a row per tick'
+    wanted = f'must be an array of numbers with {counted(joints, "column")} and a row per tick'
     try:
         values = np.load(path, allow_pickle=False)
     except OSError as error:
@@ -156,7 +158,7 @@ def _from_text(path: Path, name: str, chain: Chain) -> Efforts:
     separator, remark, numbers = None, '', []
     columns: Any = None
     for number, line in enumerate(lines, start=1):
-        if line.strip()[:1] in ('', '#'):
+        if line.strip(EMPTY)[:1] in ('', '#'):
             remark = line.strip()[1:] if not numbers else remark   # numpy writes a header as a remark
             continue
         where = f'{name} line {number}'
@@ -172,7 +174,8 @@ def _from_text(path: Path, name: str, chain: Chain) -> Efforts:
                 continue
         fields = _split(line, separator)
         if len(fields) != len(columns):
-            raise Mistake(f'{where} has {len(fields)} columns, must have {len(columns)} as the lines before it')
+            raise Mistake(f'{where} has {counted(len(fields), "column")}, must have {len(columns)} as the lines '
+                          'before it')
         row = []
         for column, field in enumerate(fields, start=1):
             value = _number(field)
@@ -229,6 +232,6 @@ def _unnamed(fields: list, where: str, chain: Chain) -> list:
     """Return the columns of a table without header: the joints in order, after a time where there is one more."""
     joints = chain.joint_count
     if len(fields) not in (joints, joints + 1):
-        raise Mistake(f'{where} has {len(fields)} columns, must have {joints}, or {joints + 1} with the time first, or '
-                      'a header with the names of joints')
+        raise Mistake(f'{where} has {counted(len(fields), "column")}, must have {joints}, or {joints + 1} with '
+                      'the time first, or a header with the names of joints')
     return [None] * (len(fields) - joints) + list(range(joints))

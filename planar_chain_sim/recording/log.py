@@ -16,6 +16,7 @@ from .events import decode_event
 from .log_reader import LogFile, MESSAGE, read_log
 from .run_settings import simulation_of
 from ..chain.chain import Chain
+from ..chain.section import counted
 from ..errors import LogError
 
 _HEAD = np.dtype([('channel', '<u2'), ('sequence', '<u4'), ('log_time', '<u8'), ('publish_time', '<u8')])
@@ -69,8 +70,9 @@ class Log:
         torn = '' if self.complete else ', not closed properly'
         end = f', t = {self.time[0]:g} to {self.time[-1]:g} s' if len(self.time) else ''
         events, commands = (sum(len(each.ends) for each in part) for part in (self._events, self._commands))
-        return (f'Log of {self.chain.name}: {len(self.time)} states of {len(self.chain.joint_names)} joints{end}, '
-                f'{events} events, {commands} commands{torn}')
+        return (f'Log of {self.chain.name}: {counted(len(self.time), "state")} of '
+                f'{counted(len(self.chain.joint_names), "joint")}{end}, {counted(events, "event")}, '
+                f'{counted(commands, "command")}{torn}')
 
     @cached_property
     def events(self) -> list:
@@ -117,7 +119,7 @@ def load_log(path: Any) -> Log:
     except OSError as error:
         raise LogError(f'log {str(path)!r}: it cannot be read ({error.strerror or error})') from None
     if not log.complete:
-        warn(f'log {str(path)!r}: it was not closed properly, the {len(log.time)} states that are whole were read',
+        warn(f'log {str(path)!r}: it was not closed properly, {counted(len(log.time), "whole state")} could be read',
              RuntimeWarning, stacklevel=2)
     return log
 

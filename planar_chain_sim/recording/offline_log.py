@@ -45,7 +45,7 @@ class OfflineLog:
     def __init__(self, path: Any, simulation: Simulation, compression: str = 'none') -> None:
         self._simulation, joints = simulation, simulation.chain.joint_count
         if simulation.time != simulation.tick * simulation.step:
-            raise ValueError(f'the simulation is at t = {simulation.time!r} s, between two ticks, must be at one')
+            raise ValueError(f'the simulation is at t = {simulation.time:.12g} s, between two ticks, must be at one')
         self._step, self._held = simulation.step, np.zeros(joints)
         self._layout = JointStateLayout(simulation.chain.joint_names)
         channels = [Channel(STATE_TOPIC, 'sensor_msgs/msg/JointState'), Channel(EVENTS_TOPIC, 'std_msgs/msg/String')]
@@ -144,8 +144,8 @@ class OfflineLog:
     def _check_tick(self) -> None:
         """Raise ValueError where the simulation was moved but not logged."""
         if self._simulation.time != self._tick * self._step:
-            raise ValueError(f'the simulation is at t = {self._simulation.time!r} s and its log at tick {self._tick}, '
-                             'must be moved by advance() of the log')
+            raise ValueError(f'the simulation is at t = {self._simulation.time:.12g} s, its log at tick {self._tick}: '
+                             'it must be moved by advance() of the log')
 
     def _write_loads(self) -> None:
         """Log the payloads and wrenches that act already."""

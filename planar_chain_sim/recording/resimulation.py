@@ -11,6 +11,7 @@ from typing import Optional
 
 from .following import Following
 from .log_reader import LogFile, read_log
+from ..chain.section import counted
 from ..command_line import Parser, run_command, tell
 from ..errors import LogError, SimulationError
 
@@ -29,7 +30,7 @@ class Difference:
     computed: float
 
     def __str__(self):
-        return (f"t = {self.time!r} s, tick {self.tick}, joint '{self.joint}': {self.quantity} "
+        return (f"t = {self.time:.12g} s, tick {self.tick}, joint '{self.joint}': {self.quantity} "
                 f'is {self.logged!r} in the log and {self.computed!r} when computed again')
 
 
@@ -88,7 +89,7 @@ def _resimulate_file(arguments) -> int:
     if verdict.difference is not None:
         tell(f'different: {verdict.difference}{torn}')
         return 1
-    tell(f'equal: {verdict.states} states over {verdict.ticks} ticks, bit for bit{torn}')
+    tell(f'equal: {counted(verdict.states, "state")} over {counted(verdict.ticks, "tick")}, bit for bit{torn}')
     return 0
 
 

@@ -9,7 +9,7 @@ from .effort_table import by_joint, Efforts, read_efforts
 from .log_writer import COMPRESSIONS
 from .offline_log import OfflineLog
 from ..chain.joint_arrays import initial_state
-from ..chain.section import clipped
+from ..chain.section import clipped, counted
 from ..chain_file import load_chain
 from ..command_line import add_hold, catch_stop_signals, Parser, run_command, tell
 from ..errors import ChainError, Mistake
@@ -75,7 +75,7 @@ def _rollout_to_file(arguments) -> int:
             log.advance(ticks, effort, bar.update)
         except Interrupted:
             raise KeyboardInterrupt(*stops[:1]) from None
-    tell(f'{path}: {simulation.time:g} s simulated in {perf_counter() - began:.2f} s, {ticks + 1} states')
+    tell(f'{path}: {simulation.time:g} s simulated in {perf_counter() - began:.2f} s, {counted(ticks + 1, "state")}')
     return 0
 
 
@@ -121,7 +121,8 @@ def _ticks(options, step: float, effort) -> tuple:
     rows = table.by_tick(ticks, step, f'--effort {clipped(options.effort, 200)!r}')
     spare = table.ticks(step) - ticks
     if spare > 0:
-        tell(f'--effort {clipped(options.effort, 200)!r} has {spare} ticks after the end, which are not used')
+        tell(f'--effort {clipped(options.effort, 200)!r} has {counted(spare, "tick")} after the end, which are '
+             'not used')
     return ticks, rows
 
 

@@ -63,7 +63,7 @@ def test_interrupted_at_random_times_a_run_has_the_bits_of_a_whole_one(name, met
         except pcs.Interrupted as error:
             stops += 1
             assert stops < 28, 'each has let it go on for longer'
-            assert f'was interrupted at tick {simulation.tick}, t = {simulation.time!r} s' in str(error)
+            assert f'was interrupted at tick {simulation.tick}, t = {simulation.time:.12g} s' in str(error)
         timer.join()
         assert simulation.tick >= end
         end = simulation.tick

@@ -150,7 +150,7 @@ def test_a_log_with_commands_as_received_and_a_clock(tmp_path):
 def test_a_log_that_was_not_closed_or_is_cut_anywhere_is_read_as_far_as_it_is_whole(tmp_path):
     """Prefix: whatever is read is the beginning of the whole run."""
     whole, _ = live_log(tmp_path, close=False)
-    with pytest.warns(RuntimeWarning, match='it was not closed properly, the 301 states that are whole were read'):
+    with pytest.warns(RuntimeWarning, match='it was not closed properly, 301 whole states could be read'):
         log, content = pcs.load_log(whole), whole.read_bytes()
     assert not log.complete and repr(log).endswith('not closed properly')
     cut, lengths, random = tmp_path / 'cut.mcap', set(), Random(4)
@@ -163,8 +163,8 @@ def test_a_log_that_was_not_closed_or_is_cut_anywhere_is_read_as_far_as_it_is_wh
             except pcs.LogError as error:   # before the settings, which lie at the beginning
                 assert str(error).startswith(f'log {str(cut)!r}: it is no ') and size < 20_000
                 continue
-        assert [str(each.message) for each in told] == [
-            f'log {str(cut)!r}: it was not closed properly, the {len(part.time)} states that are whole were read']
+        assert len(told) == 1 and str(told[0].message).startswith(
+            f'log {str(cut)!r}: it was not closed properly, {len(part.time)} whole state')
         lengths.add(len(part.time))
         assert part.position.tobytes() == log.position[:len(part.time)].tobytes()
         assert part.effort.shape == (max(len(part.time) - 1, 0), JOINTS)

@@ -89,7 +89,7 @@ def test_one_flipped_bit_in_the_file_is_named(log, tmp_path, capsys, quantity, j
     assert resimulation.main([str(flipped)]) == 1
     said = capsys.readouterr().out
     name = chain.joint_names[joint]
-    assert said.startswith(f"different: t = {tick * 1e-3!r} s, tick {tick}, joint '{name}': {quantity} is ")
+    assert said.startswith(f"different: t = {tick * 1e-3:.12g} s, tick {tick}, joint '{name}': {quantity} is ")
 
 
 def test_another_chain_or_method_setting_is_a_difference(log, tmp_path, capsys):

@@ -44,6 +44,27 @@ def test_a_signal_ends_the_run_and_closes_the_log(tmp_path, number):
     assert process.returncode == 128 + number and read_log(path).complete
 
 
+def test_lines_without_a_value_are_skipped(tmp_path):
+    """As a spreadsheet writes its empty rows."""
+    chain = pcs.load_chain('double_pendulum.yaml')
+    (tmp_path / 'efforts.csv').write_text('upper_joint,lower_joint\n,\n1,2\n"",""\n;\n\t\n3,4\n,\n')
+    assert effort_table.read_efforts(str(tmp_path / 'efforts.csv'), chain).rows.tolist() == [[1.0, 2.0], [3.0, 4.0]]
+
+
+def test_one_is_one(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path('one.yaml').write_text('name: one\nbodies:\n- {name: b, carrier: base, mass: 1, inertia_com: 1, rotation: '
+                                '{joint: j}}\n')
+    Path('efforts.csv').write_text('time,j\n0,1\n1\n')
+    assert rollout.main(['one.yaml', '--effort', 'efforts.csv']) == 2
+    assert 'line 3 has 1 column, must have 2 as the lines before it' in capsys.readouterr().err
+    assert rollout.main(['one.yaml', '--duration', '0.001', '--output', 'run.mcap']) == 0
+    assert 'one: 1 link, 1 joint; ' in capsys.readouterr().out
+    assert resimulation.main(['run.mcap']) == 0
+    assert capsys.readouterr().out == 'equal: 2 states over 1 tick, bit for bit\n'
+    assert repr(pcs.load_log('run.mcap')).startswith('Log of one: 2 states of 1 joint, ')
+
+
 def test_progress_is_shown_tick_by_tick_in_the_end(tmp_path):
     simulation, shown = pcs.Simulation(pcs.load_chain(ROBOT)), []
     with pcs.OfflineLog(tmp_path / 'run.mcap', simulation) as log:
