@@ -208,7 +208,7 @@ JOINTS = ', '.join(pcs.load_chain(ROBOT).joint_names)
     ('time column_slide\n0 1\n0 2\n', ' line 3 column 1 (time) is 0, must be later than 0 s before it'),
     ('time column_slide\n-1 1\n', ' line 2 column 1 (time) is -1, must be at least 0 s'),
     ('time column_slide\n99 1\n', ' begins at 99 s, must begin before the end at 1 s'),
-    ('1,2,3,4,5\n', ' has 1 rows, must have one for each of the 1000 ticks'),
+    ('1,2,3,4,5\n', ' has 1 row, must have one for each of the 1000 ticks'),
     (b'1,2,3,4,5'.decode().encode('utf-16'), ': is not UTF-8 text, must be 5 numbers joined by commas, joint=number, '
      'or a .csv, .txt or .npy file with a row per tick'),
     ('# nothing\n', ': holds no row of numbers, must be 5 numbers joined by commas, joint=number, or a .csv, .txt or '
