@@ -78,9 +78,9 @@ sys.exit(node.main(sys.argv[3:]))
 
 
 @pytest.mark.parametrize('held, late, dropped', [
-    (0.0, 0.4, 0), (0.0, 0.7, 1), (0.4, 0.7, 0), (1.5, 1.9, 0), (1.5, 2.2, 1), (0.015, 0.51, 1)])
+    (0.0, 0.2, 0), (0.0, 0.7, 1), (0.7, 0.8, 0), (1.5, 1.6, 0), (1.5, 2.2, 1), (0.015, 0.51, 1)])
 def test_only_what_publishing_does_not_explain_is_dropped(tmp_path, monkeypatch, held, late, dropped):
-    """A real node, once `late` s late, `held` s of it within the call that publishes a state."""
+    """A real node, once `late` s late, `held` s of it within the call that publishes a state; 0.5 s are made up for."""
     (tmp_path / 'held_node.py').write_text(HELD_NODE)
     monkeypatch.syspath_prepend(tmp_path)
     path = tmp_path / 'run.mcap'
@@ -94,9 +94,10 @@ def test_only_what_publishing_does_not_explain_is_dropped(tmp_path, monkeypatch,
             time.sleep(0.1)
         assert process.stop() == 0, process.output
     events = [json.loads(decode_string(m.data)) for m in read_log(path).messages if m.topic.endswith('/events')]
-    assert sum(event['kind'] == 'dropped_time' for event in events) == dropped
-    told = [event['data']['seconds'] for event in events if event['kind'] == 'held_up']
-    assert told == ([pytest.approx(held, abs=0.1)] if held * 1e9 > SHORTEST_HOLD_UP else [])
+    then = [event for event in events if 480 < event['tick'] < 520]   # a busy machine may be late at other ticks too
+    assert sum(event['kind'] == 'dropped_time' for event in then) == dropped
+    told = [event['data']['seconds'] for event in then if event['kind'] == 'held_up']
+    assert len(told) == (held * 1e9 > SHORTEST_HOLD_UP) and all(held <= s < held + 0.5 for s in told)
 
 
 def test_hold_ups_add_up_and_short_calls_do_not_count(monkeypatch):
