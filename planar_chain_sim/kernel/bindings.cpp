@@ -16,18 +16,11 @@
 
 namespace {
 
-// All of an enum that counts from 0 to `last`, and their names.
-template <class Enum>
-std::vector<Enum> every(Enum last) {
-  std::vector<Enum> all;
-  for (int code = 0; code <= static_cast<int>(last); ++code) all.push_back(static_cast<Enum>(code));
-  return all;
-}
-
+// The names of an enum that counts from 0 to `last`.
 template <class Enum>
 py::tuple names_to(Enum last) {
   py::list names;
-  for (Enum each : every(last)) names.append(name_of(each));
+  for (int code = 0; code <= static_cast<int>(last); ++code) names.append(name_of(static_cast<Enum>(code)));
   return py::tuple(names);
 }
 
@@ -92,9 +85,9 @@ PYBIND11_MODULE(_kernel, module) {
   py::class_<pc::MethodData>(module, "MethodData")
       .def(py::init([](std::string family, int order, bool adaptive, double tolerance, double fixed,
                        const pc::Tableau& tableau) {
-             for (pc::Family each : every(pc::Family::taylor))
-               if (family == name_of(each)) return pc::MethodData{each, order, adaptive, tableau, tolerance, fixed};
-             throw py::value_error("family '" + family + "' is none of FAMILIES");
+             const auto known = pc::family_of(family);
+             if (!known) throw py::value_error("family '" + family + "' is none of FAMILIES");
+             return pc::MethodData{*known, order, adaptive, tableau, tolerance, fixed};
            }),
            py::arg("family"), py::arg("order"), py::arg("adaptive"), py::arg("tolerance"), py::arg("fixed") = 0.0,
            py::arg("tableau") = pc::Tableau());

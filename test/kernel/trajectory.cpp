@@ -48,7 +48,9 @@ int main() {
   pc::MethodData method;
   std::string family = word();
   while (family.back() == '-') family.back() = ' ', family += word();
-  if (!pc::find_family(family, method.family)) std::exit(2);
+  const auto known = pc::family_of(family);
+  if (!known) std::exit(2);
+  method.family = *known;
   method.order = integer(), method.adaptive = integer() != 0, method.tolerance = number();
   method.tableau.stages = integer();
   for (auto* part : {&method.tableau.a, &method.tableau.b, &method.tableau.error, &method.tableau.dense_a,

@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <memory>
+#include <optional>
 #include <string>
 #include <type_traits>
 #include <utility>
@@ -33,6 +34,13 @@ inline const char* name_of(Family family) {
     case Family::taylor: return "taylor";
   }
   return nullptr;
+}
+
+// Nothing where no family has this name.
+inline std::optional<Family> family_of(const std::string& name) {
+  for (int code = 0; code <= static_cast<int>(Family::taylor); ++code)
+    if (name == name_of(static_cast<Family>(code))) return static_cast<Family>(code);
+  return std::nullopt;
 }
 
 // What a method is made of, from its row of METHODS in integrators.py.

@@ -53,12 +53,8 @@ class Numbers {
 
   Numbers(const char* name, const py::handle& given, const py::ssize_t* shape, int dimensions, bool leading = false)
       : array_(given) {
-    const bool fits = is_plain(given) && has_shape(shape, dimensions);
-    if (!fits && !(dimensions == 1 && take_list(given, shape[0]))) {
-      const std::string wanted = text_of(shape, dimensions, leading);
-      convert(name, given, wanted);
-      if (!has_shape(shape, dimensions)) misfit(name, wanted);
-    }
+    if (!(is_plain(given) && has_shape(shape, dimensions)) && !(dimensions == 1 && take_list(given, shape[0])))
+      convert_to(name, given, shape, dimensions, leading);
     look_through(name);
   }
 
@@ -176,6 +172,13 @@ class Numbers {
     }
     if (!aligned(py::reinterpret_borrow<py::array>(made_))) made_ = made_.attr("copy")();
     array_ = made_;
+  }
+
+  __attribute__((noinline)) void convert_to(const char* name, const py::handle& given, const py::ssize_t* shape,
+                                            int dimensions, bool leading) {
+    const std::string wanted = text_of(shape, dimensions, leading);
+    convert(name, given, wanted);
+    if (!has_shape(shape, dimensions)) misfit(name, wanted);
   }
 
   [[noreturn]] __attribute__((noinline)) void misfit(const char* name, const std::string& wanted) const {
