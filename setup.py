@@ -1,7 +1,9 @@
 """Build planar_chain_sim: the one source of its metadata, read by pip and by colcon (several times per command)."""
 from glob import glob
+import os
 from pathlib import Path
 import sys
+import sysconfig
 
 from setuptools import Extension, find_packages, setup
 
@@ -23,6 +25,14 @@ def pybind11_include():
         return []
 
 
+def without_vain_optimizations():
+    """Return flags of gcc alone: without them its -O3 compiles a tenth longer, for code that is no faster."""
+    compilers = [os.environ.get('CXX'), os.environ.get('CC'), sysconfig.get_config_var('CC')]
+    if sys.platform != 'linux' or 'clang' in ' '.join(filter(None, compilers)):
+        return []
+    return ['-fno-gcse-after-reload', '-fno-ipa-cp-clone', '-fno-tree-partial-pre']
+
+
 setup(
     name=NAME,
     version='0.2.0',
@@ -41,7 +51,7 @@ setup(
         language='c++',
         # The same bits on every IEEE machine: no contraction, no fast-math (not even from CFLAGS), no -march.
         extra_compile_args=['-std=c++17', '-O3', '-ffp-contract=off', '-fno-fast-math', '-fvisibility=hidden', '-g0',
-                            '-pthread'],
+                            '-pthread', *without_vain_optimizations()],
         extra_link_args=['-pthread'],
     )],
     package_data={NAME: ['py.typed', '*.pyi'],
