@@ -96,12 +96,12 @@ def run_command(program: str, body: Callable[[Optional[Sequence[str]]], int],
     show their traceback, also with exit code 2.
     """
     catch_stop_signals(_interrupt)
-    warnings.showwarning = lambda message, category, *_: say(
+    warnings.showwarning = lambda message, category, *_: report(
         program, f'{"note" if issubclass(category, RobotFileNote) else "warning"}: {message}')
     try:
         return exit_code(program, lambda: body(arguments))
     except KeyboardInterrupt as stop:
-        say(program, 'interrupted')
+        report(program, 'interrupted')
         return ENDED_BY + (stop.args[0] if stop.args else signal.SIGINT)
 
 
@@ -140,7 +140,7 @@ def exit_code(program: str, work: Callable[[], int]) -> int:
         if sentence is None:
             raise_to_user(error)
         else:
-            say(program, sentence)
+            report(program, sentence)
         return 2
 
 
@@ -172,14 +172,14 @@ def raise_to_user(error: Exception) -> None:
         traceback.print_exception(type(error), error, error.__traceback__)
 
 
-def say(program: str, sentence: str) -> None:
+def report(program: str, sentence: str) -> None:
     """Write one sentence on stderr, where there is one; line ends that an argument has are written as Python would."""
     sentence = ''.join(each if each.isprintable() else repr(each)[1:-1] for each in sentence[:LONGEST])
     with suppress(OSError, ValueError, AttributeError):
         print(f'{program}: {sentence}', file=sys.stderr, flush=True)
 
 
-def tell(text: str) -> None:
+def print_line(text: str) -> None:
     """Print a line at once; where its reader has gone the work goes on without."""
     try:
         print(text, flush=True)

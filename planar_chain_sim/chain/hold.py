@@ -31,19 +31,19 @@ def read_hold(hold: Hold) -> dict:
         for item in hold:
             if not isinstance(item, str):
                 raise ChainError(f'hold has {shown(item)} in it, {WANTED}')
-            name, sign, value = item.rpartition('=')
+            name, sign, text = item.rpartition('=')
             try:
-                held = float(value) if sign else None
+                value = float(text) if sign else None
             except ValueError:
-                if angle_of(value) is None:
+                if angle_of(text) is None:
                     raise ChainError(f"hold '{clipped(item)}' has no number after '=', must be JOINT=VALUE (rad or m)"
                                      ) from None
-                held = value
+                value = text
             name = name if sign else item
-            if name in pairs and pairs[name] != held:
-                first, second = ('no value' if each is None else shown(each) for each in (pairs[name], held))
+            if name in pairs and pairs[name] != value:
+                first, second = ('no value' if each is None else shown(each) for each in (pairs[name], value))
                 raise ChainError(f"hold names '{clipped(name)}' twice, with {first} and {second}, must name it once")
-            pairs[name] = held
+            pairs[name] = value
         hold = pairs
     if not isinstance(hold, dict):
         raise ChainError(f'hold is {shown(hold)}, {WANTED}')

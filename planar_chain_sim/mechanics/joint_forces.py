@@ -69,7 +69,7 @@ def stored_energy(chain: Chain, position: np.ndarray) -> float:
                 if law.energy is not None and law.acts_on(joint)), 0.0)
 
 
-def teach_kernel(model, chain: Chain) -> None:
+def add_laws_to_kernel(model, chain: Chain) -> None:
     """Give the kernel's model the list of joints of every law, and of effort limits and stops."""
     for index, joint in enumerate(chain.joints):
         for law in JOINT_FORCES:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .joint_forces import teach_kernel
+from .joint_forces import add_laws_to_kernel
 from .path_matrix import Link, merge_welded, Place
 from .. import _kernel
 from ..chain.chain import Chain
@@ -49,6 +49,6 @@ def kernel_model_of(chain: Chain) -> KernelModel:
         links, grounded, places = merge_welded(chain)
         topology, constants = kernel_arrays(chain, links)
         model = _kernel.Model(topology, constants, (chain.gravity.real, chain.gravity.imag), chain.joint_count)
-        teach_kernel(model, chain)
+        add_laws_to_kernel(model, chain)
         kept['_model'] = KernelModel(model, links, grounded, places)
     return kept['_model']

@@ -295,12 +295,12 @@ class Simulation:
             bodies = {body.name for body in chain.bodies}
             wrenches = {body: wrench for body, wrench in self._wrenches.items() if body in bodies}
             fresh._stepper.set_wrenches(on_links(chain, wrenches))
-            self._go_on_with(chain, wrenches, fresh._stepper, False)
+            self._replace_stepper(chain, wrenches, fresh._stepper, False)
             bare = self._bare_chain(chain, self._own_bodies)
             if bare not in self._bare_chains:
                 self._bare_chains += (bare,)
 
-    def _go_on_with(self, chain: Chain, wrenches: Mapping[str, Wrench], fresh: Any, with_state: bool) -> None:
+    def _replace_stepper(self, chain: Chain, wrenches: Mapping[str, Wrench], fresh: Any, with_state: bool) -> None:
         """Put the stepper `fresh` of the chain in the place of the present one; with its own state, or the present."""
         counts, events = self._stepper.adopt(fresh, with_state)
         self._counted = tuple(before + count for before, count in zip(self._counted, counts))
@@ -397,7 +397,7 @@ class Simulation:
         """
         stopped = self._stepper.advance(ticks, effort, record)
         if stopped is not None:
-            self._tell_stop(*stopped)
+            self._raise_or_warn(*stopped)
 
     def interrupt(self) -> None:
         """
@@ -407,7 +407,7 @@ class Simulation:
         """
         self._stepper.interrupt()
 
-    def _tell_stop(self, outcome: int, joint: int) -> None:
+    def _raise_or_warn(self, outcome: int, joint: int) -> None:
         """Raise or warn what made the kernel stop."""
         self._warn_of_coarse_step()
         why = _kernel.OUTCOMES[outcome]
@@ -438,7 +438,7 @@ class Simulation:
         """
         stopped = self._stepper.advance_to(*self._place_of(time, 'time'), effort)
         if stopped is not None:
-            self._tell_stop(*stopped)
+            self._raise_or_warn(*stopped)
 
     def _place_of(self, time: float, name: str) -> tuple[int, Optional[float]]:
         """Tick of a time, and the time itself if it is between that tick and the next; ValueError calls it `name`."""
@@ -490,7 +490,7 @@ class Simulation:
             except (TypeError, ValueError, AttributeError) as error:
                 raise ValueError(f'checkpoint is damaged: its wrenches cannot be ({error})') from None
             fresh.load(tick, between, saved.state, anew)
-            self._go_on_with(chain, saved.wrenches, fresh, True)
+            self._replace_stepper(chain, saved.wrenches, fresh, True)
 
     def _checked_settings(self, saved: Checkpoint) -> tuple[Chain, int]:
         """Return chain and `own_bodies`; ValueError: no checkpoint of this version, or it says nonsense of itself."""

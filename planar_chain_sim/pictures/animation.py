@@ -12,7 +12,7 @@ from ..chain.chain import Chain
 from ..chain.section import clipped
 from ..chain.visual import body_color
 from ..chain_file import load_chain
-from ..command_line import add_hold, Parser, PICTURES_NEED, refuse_existing, refuse_hold, run_command, tell
+from ..command_line import add_hold, Parser, PICTURES_NEED, print_line, refuse_existing, refuse_hold, run_command
 from ..errors import Mistake
 from ..mechanics.body_lines import body_lines
 from ..motion.rollout import rollout
@@ -150,7 +150,7 @@ def _animate(arguments) -> int:
             stream.write(picture)
     except (OSError, ValueError) as error:   # ValueError: a NUL in the name
         raise Mistake(f'{path!r}: {getattr(error, "strerror", None) or error}') from None
-    tell(f'{path}: {len(picture) / 1000:.0f} kB')
+    print_line(f'{path}: {len(picture) / 1000:.0f} kB')
     return 0
 
 

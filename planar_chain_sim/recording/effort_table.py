@@ -54,14 +54,14 @@ class Efforts(NamedTuple):
 
 def read_efforts(text: str, chain: Chain):
     """
-    Return efforts: (joints,), held, for '1,0,-2' or 'elbow=1', else the Efforts of a file; Mistake says what is wrong.
+    Return constant efforts (joints,) for '1,0,-2' or 'elbow=1', else the Efforts of a file; Mistake says what is wrong.
 
     A joint that is not named has no effort.
     """
     name = f'--effort {clipped(text, 200)!r}'
-    held = by_joint(text, name, chain, np.zeros(chain.joint_count), units=('N', 'N m'))
-    if held is not None:
-        return held
+    constant = by_joint(text, name, chain, np.zeros(chain.joint_count), units=('N', 'N m'))
+    if constant is not None:
+        return constant
     path = Path(text)
     if path.suffix == '.npy':
         return _from_array(path, name, chain)

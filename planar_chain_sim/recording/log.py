@@ -166,7 +166,7 @@ class _States:
     def add(self, content: bytes, octets: np.ndarray, start: Any, end: Any, sequence: Any) -> None:
         """Take the messages from `start` to `end` in a chunk."""
         if self._layout is None:
-            self._lay_out(self._decoded(content[start[0]:end[0]], sequence[0]).frame_id)
+            self._find_layout(self._decoded(content[start[0]:end[0]], sequence[0]).frame_id)
         alike = (end - start == self._template.size).all()
         if alike:
             rows = octets[start[:, None] + np.arange(self._template.size)]
@@ -199,7 +199,7 @@ class _States:
             tick, position, velocity, effort = tick[last], position[last], velocity[last], effort[fresh]
         return tick, position, velocity, effort[1:]
 
-    def _lay_out(self, frame_id: str) -> None:
+    def _find_layout(self, frame_id: str) -> None:
         """Note which bytes all messages of this frame share."""
         self._layout = JointStateLayout(self._chain.joint_names, frame_id)
         messages = []

@@ -75,14 +75,14 @@ class OfflineLog:
         ticks. ValueError, SimulationError and Interrupted as Simulation.advance; the ticks before are in the log.
         """
         simulation, joints = self._simulation, self._held.size
-        held = self._checked_effort(ticks, effort)
+        efforts = self._checked_effort(ticks, effort)
         self._check_tick()
         position, velocity, acted = (np.empty((CHUNK, joints)) for _ in range(3))
         start, chunk = 0, 1
         while start < ticks:
             began, failure, first = perf_counter(), None, simulation.tick
             count = min(chunk, ticks - start)
-            rows = held[start:start + count] if held.ndim == 2 else np.broadcast_to(held, (count, joints))
+            rows = efforts[start:start + count] if efforts.ndim == 2 else np.broadcast_to(efforts, (count, joints))
             try:
                 simulation.advance(count, rows, record=(position[:count], velocity[:count], acted[:count]))
             except (SimulationError, Interrupted) as error:

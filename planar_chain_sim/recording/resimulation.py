@@ -12,10 +12,10 @@ from typing import Optional
 from .following import Following
 from .log_reader import LogFile, read_log
 from ..chain.section import counted
-from ..command_line import Parser, run_command, tell
+from ..command_line import Parser, print_line, run_command
 from ..errors import LogError, SimulationError
 
-QUANTITIES = ('position', 'velocity', 'effort')
+COMPARED = ('position', 'velocity', 'effort')
 
 
 @dataclass(frozen=True)
@@ -55,8 +55,8 @@ def resimulate(log: LogFile) -> Verdict:
             except SimulationError as error:
                 raise following.error(f'its states go on where the simulation stops ({error})') from None
         states += 1
-        computed = {quantity: getattr(simulation, quantity) for quantity in QUANTITIES}
-        if any(getattr(logged, quantity).tobytes() != computed[quantity].tobytes() for quantity in QUANTITIES):
+        computed = {quantity: getattr(simulation, quantity) for quantity in COMPARED}
+        if any(getattr(logged, quantity).tobytes() != computed[quantity].tobytes() for quantity in COMPARED):
             return Verdict(states, tick, _first_difference(simulation, logged, computed))
     if states == 0:
         raise LogError(f'log {str(log.path)!r}: it holds no state to compare with')
@@ -65,7 +65,7 @@ def resimulate(log: LogFile) -> Verdict:
 
 def _first_difference(simulation, logged, computed: dict) -> Difference:
     for joint, name in enumerate(simulation.chain.joint_names):
-        for quantity in QUANTITIES:
+        for quantity in COMPARED:
             got, wanted = getattr(logged, quantity)[joint], computed[quantity][joint]
             if got.tobytes() != wanted.tobytes():
                 return Difference(simulation.time, simulation.tick, name, quantity, float(got), float(wanted))
@@ -87,9 +87,9 @@ def _resimulate_file(arguments) -> int:
     verdict = resimulate(log)
     torn = '' if log.complete else '; the log was not closed properly, what is whole was compared'
     if verdict.difference is not None:
-        tell(f'different: {verdict.difference}{torn}')
+        print_line(f'different: {verdict.difference}{torn}')
         return 1
-    tell(f'equal: {counted(verdict.states, "state")} over {counted(verdict.ticks, "tick")}, bit for bit{torn}')
+    print_line(f'equal: {counted(verdict.states, "state")} over {counted(verdict.ticks, "tick")}, bit for bit{torn}')
     return 0
 
 

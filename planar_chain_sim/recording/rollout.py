@@ -11,7 +11,7 @@ from .offline_log import OfflineLog
 from ..chain.joint_arrays import initial_state
 from ..chain.section import clipped, counted
 from ..chain_file import load_chain
-from ..command_line import add_hold, catch_stop_signals, Parser, run_command, tell
+from ..command_line import add_hold, catch_stop_signals, Parser, print_line, run_command
 from ..errors import ChainError, Mistake
 from ..motion.integrators import METHODS
 from ..motion.simulation import Interrupted, Simulation, whole_ticks
@@ -60,7 +60,7 @@ def _rollout_to_file(arguments) -> int:
     ticks, effort = _ticks(options, simulation.step, effort)
     path = options.output or f'{Path(options.chain).stem}.mcap'
     from tqdm import tqdm  # the progress bar; not needed where rollout is a function
-    tell(f'{chain.name}: {simulation.plan}')
+    print_line(f'{chain.name}: {simulation.plan}')
     began = perf_counter()
     stops = []   # signals: an exception in the midst of a record would tear the log
 
@@ -75,7 +75,7 @@ def _rollout_to_file(arguments) -> int:
             log.advance(ticks, effort, bar.update)
         except Interrupted:
             raise KeyboardInterrupt(*stops[:1]) from None
-    tell(f'{path}: {simulation.time:g} s simulated in {perf_counter() - began:.2f} s, {counted(ticks + 1, "state")}')
+    print_line(f'{path}: {simulation.time:g} s simulated in {perf_counter() - began:.2f} s, {counted(ticks + 1, "state")}')
     return 0
 
 
@@ -121,7 +121,7 @@ def _ticks(options, step: float, effort) -> tuple:
     rows = table.by_tick(ticks, step, f'--effort {clipped(options.effort, 200)!r}')
     spare = table.ticks(step) - ticks
     if spare > 0:
-        tell(f'--effort {clipped(options.effort, 200)!r} has {counted(spare, "tick")} after the end, which are '
+        print_line(f'--effort {clipped(options.effort, 200)!r} has {counted(spare, "tick")} after the end, which are '
              'not used')
     return ticks, rows
 

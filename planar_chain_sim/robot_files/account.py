@@ -20,9 +20,9 @@ def account(robot: SpatialRobot, chain, plane: Plane) -> list:
         parts.append(f'axes projected on the plane, from which they differ by up to {plane.largest_angle:.2g} rad')
     if plane.across:
         parts.append(f'along its normal, on their own, slide {quoted(plane.across)}')
-    held = [f"'{clipped(joint.name)}' at {joint.held:g}" for joint in robot.joints if joint.held is not None]
-    if held:
-        parts.append('held: ' + listed(held))
+    welded = [f"'{clipped(each.name)}' at {each.welded_at:g}" for each in robot.joints if each.welded_at is not None]
+    if welded:
+        parts.append('welded: ' + listed(welded))
     return parts
 
 

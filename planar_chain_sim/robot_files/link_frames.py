@@ -51,7 +51,7 @@ class LinkFrames:
         return self.root, *self._joints
 
     def fixed(self) -> list[Transform]:
-        """Return what never changes: links behind fixed and held joints."""
+        """Return what never changes: links behind fixed and welded joints."""
         return [self._transform(joint, {}) for joint in self._robot.joints if not joint.moves]
 
     def moving(self, position: Mapping) -> list[Transform]:
@@ -60,7 +60,7 @@ class LinkFrames:
 
     def _transform(self, joint, position: Mapping) -> Transform:
         if joint.moves:
-            joint = replace(joint, held=position[joint.name])
+            joint = replace(joint, welded_at=position[joint.name])
         return Transform(joint.parent, joint.child, *child_place(joint, np.eye(3), np.zeros(3)))
 
     def pose(self, link: str, position: Mapping) -> tuple[np.ndarray, np.ndarray]:

@@ -280,11 +280,11 @@ class Reader(Mechanism):
             own_turn = own_turn @ turn_about(axis, -joint.drawn_at)
         else:
             own_shift = own_shift - joint.drawn_at * joint.axis
-        held = None
+        welded_at = None
         if joint.name in hold:
-            held = joint.laws.get('position', 0.0) if hold[joint.name] is None else hold[joint.name]
+            welded_at = joint.laws.get('position', 0.0) if hold[joint.name] is None else hold[joint.name]
         return SpatialJoint(joint.name, joint.kind, parent, child, turn.T @ own_turn, turn.T @ (own_shift - shift),
-                            axis, joint.laws, held)
+                            axis, joint.laws, welded_at)
 
 
 def _label(element: Element, kind: str = '') -> str:

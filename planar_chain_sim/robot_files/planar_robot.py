@@ -66,7 +66,7 @@ def chain_of(data: dict, name: str):
     except SingularError as error:
         joint = clipped(error.joint)
         raise ChainError(f"{name}: joint '{joint}' makes the mass matrix singular in every configuration because "
-                         f'{error.why.replace(HERE, "that it carries")}, must move some or be held (hold \'{joint}\')'
+                         f'{error.why.replace(HERE, "that it carries")}, must move some or be welded (hold \'{joint}\')'
                          ) from None
     except ChainError as error:
         raise ChainError(f'{name}: {KEYS.sub(IN_LINK, str(error))}') from None
@@ -172,7 +172,7 @@ def _refuse_odd(odd, others, name: str):
         what = f'{len(odd)} joints, {quoted(joint.name for joint in odd)}, ' + ('slide' if slide else 'turn or slide')
     way = 'askew to the plane' if slide else 'about another direction than'
     others = quoted(turns or [joint.name for joint in others])
-    raise ChainError(f'{name}: {what} {way}{" of" if slide else ""} {others}: the robot is not planar, must be held '
+    raise ChainError(f'{name}: {what} {way}{" of" if slide else ""} {others}: the robot is not planar, must be welded '
                      f'there to make it so (hold {quoted(joint.name for joint in odd)})')
 
 
@@ -195,7 +195,8 @@ def _refuse_idle(robot, carried, name: str):
         raise ChainError(f'{name}: has no link with a mass (element inertial), must have one to move')
     joints, links = (quoted(getattr(joint, what) for joint in idle) for what in ('name', 'child'))
     what = f'joint {joints} moves no mass, as link' if len(idle) == 1 else f'joints {joints} move no mass, as links'
-    raise ChainError(f'{name}: {what} {links} and what they carry have none, must move some or be held (hold {joints})')
+    raise ChainError(f'{name}: {what} {links} and what they carry have none, must move some or be welded '
+                     f'(hold {joints})')
 
 
 def _heading(turn: np.ndarray, basis: np.ndarray) -> float:

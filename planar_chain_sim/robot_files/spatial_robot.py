@@ -27,7 +27,7 @@ class SpatialJoint:
     """
     A joint: the child's frame in the parent's where it reads 0, and the unit axis in the child's.
 
-    `kind`: 'rotation', 'slide' or 'fixed'. `held`: where it is welded, None where it moves.
+    `kind`: 'rotation', 'slide' or 'fixed'. `welded_at`: where it is welded, None where it moves.
     """
 
     name: str
@@ -38,12 +38,12 @@ class SpatialJoint:
     shift: np.ndarray
     axis: np.ndarray
     laws: dict
-    held: Optional[float] = None
+    welded_at: Optional[float] = None
 
     @property
     def moves(self) -> bool:
-        """Whether it is neither fixed nor held."""
-        return self.kind != 'fixed' and self.held is None
+        """Whether it is neither fixed nor welded."""
+        return self.kind != 'fixed' and self.welded_at is None
 
 
 class SpatialRobot(NamedTuple):
@@ -83,10 +83,10 @@ def turn_about(axis: np.ndarray, angle: float) -> np.ndarray:
 def child_place(joint, turn: np.ndarray, shift: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return rotation and position of a joint's child from those of its parent."""
     turn, shift = turn @ joint.turn, shift + turn @ joint.shift
-    if joint.held is not None and joint.kind == 'rotation':
-        turn = turn @ turn_about(joint.axis, joint.held)
-    elif joint.held is not None:
-        shift = shift + turn @ (joint.axis * joint.held)
+    if joint.welded_at is not None and joint.kind == 'rotation':
+        turn = turn @ turn_about(joint.axis, joint.welded_at)
+    elif joint.welded_at is not None:
+        shift = shift + turn @ (joint.axis * joint.welded_at)
     return turn, shift
 
 

@@ -256,7 +256,7 @@ class Reader:
         return order, root
 
     def _hold_followers(self, joints, hold, initial) -> None:
-        """Weld the followers of held joints where these put them; ChainError for one whose leader moves."""
+        """Weld the followers of welded joints where these put them; ChainError for one whose leader moves."""
         leaders = {name: element.find('mimic') for name, element in joints.items() if element.find('mimic')}
         for follower, mimic in self._other_mimics():
             if follower in joints:
@@ -273,10 +273,10 @@ class Reader:
                 if leader not in joints:
                     whom = f"'{clipped(leader)}', {NOT_THERE}{suggestion(leader, list(joints))}" if leader else \
                         'a joint that it does not name'
-                    self.fail(f"joint '{clipped(name)}' mimics {whom}, must move on its own or be held (hold "
+                    self.fail(f"joint '{clipped(name)}' mimics {whom}, must move on its own or be welded (hold "
                               f"'{clipped(name)}')")
-                self.fail(f"joint '{clipped(name)}' mimics '{clipped(leader)}', must move on its own or be held (hold "
-                          f"'{clipped(name)}', or '{clipped(leader)}' and with it all that mimic it)")
+                self.fail(f"joint '{clipped(name)}' mimics '{clipped(leader)}', must move on its own or be welded "
+                          f"(hold '{clipped(name)}', or '{clipped(leader)}' and with it all that mimic it)")
             for follower in reversed(way):
                 where = f"mimic of joint '{clipped(follower)}'"
                 mimic = leaders[follower]
@@ -306,13 +306,13 @@ class Reader:
     def _joint(self, name: str, element: Element, ends, hold, initial) -> SpatialJoint:
         where, kind = f"joint '{clipped(name)}'", element.get('type')
         turn, shift = self.frame(element, where)
-        held = name in hold
+        welded = name in hold
         if kind in FREE:
-            if not held:
-                self.fail(f"{where} is of type '{kind}', must be one of {', '.join(KINDS)}, or be held where it is "
+            if not welded:
+                self.fail(f"{where} is of type '{kind}', must be one of {', '.join(KINDS)}, or be welded where it is "
                           f"(hold '{clipped(name)}')")
             if hold[name]:
-                self.fail(f"{where} is of type '{kind}', must be held without a value")
+                self.fail(f"{where} is of type '{kind}', must be welded without a value")
             hold[name], kind = None, 'fixed'
         if kind not in KINDS:
             self.fail(f"{where} is of type '{clipped(kind or '')}', must be one of {', '.join(KINDS)}")
@@ -326,18 +326,18 @@ class Reader:
             if not isfinite(length) or length < 1e-9:
                 self.fail(f'{where} has the axis {axis.tolist()}, must be a direction')
             axis = axis / length
-            laws = self._laws(name, element, kind, initial, not held)
-        if held:
+            laws = self._laws(name, element, kind, initial, not welded)
+        if welded:
             value = hold[name]
             if kind == 'fixed' and value:
                 self.fail(f"hold gives the value {value!r} to joint '{clipped(name)}', which is fixed, must be a joint "
                           'that moves')
-            held = laws.get('position', 0.0) if value is None else value
+            welded_at = laws.get('position', 0.0) if value is None else value
             lower, upper = laws.get('lower', -inf), laws.get('upper', inf)
-            if not lower <= held <= upper:
-                self.fail(f"hold gives {held!r} to joint '{clipped(name)}', must lie between its limits, {lower!r} and "
-                          f'{upper!r}')
-        return SpatialJoint(name, kind, ends[0], ends[1], turn, shift, axis, laws, held if name in hold else None)
+            if not lower <= welded_at <= upper:
+                self.fail(f"hold gives {welded_at!r} to joint '{clipped(name)}', must lie between its limits, "
+                          f'{lower!r} and {upper!r}')
+        return SpatialJoint(name, kind, ends[0], ends[1], turn, shift, axis, laws, welded_at if name in hold else None)
 
     def _laws(self, name: str, element: Element, kind, initial: dict, told: bool) -> dict:
         """Return what a chain file says of the joint's limits, damping, friction and initial state."""

@@ -1,1 +1,1 @@
-"""All that needs ROS 2: the node, its topics and parameters, and replay; nothing outside this package imports rclpy."""
+"""All that needs ROS 2: the node, its topics and parameters, and replay."""

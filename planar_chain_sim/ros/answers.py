@@ -10,36 +10,36 @@ class Answers:
     """
     The answers to one state, given by its stamp; the next state waits for them.
 
-    `joints`: indices of those that must have a command. A JointState answers the state whose stamp it
-    repeats, a Float64MultiArray the outstanding state, unless the middleware received it before that was published.
-    After a reset the state has the stamp of the one before; then this holds for a JointState too.
-    The first answer counts. Joints that are not waited for take any command.
+    `joints`: indices of those that must have a command. A JointState answers the state whose stamp it repeats. A
+    Float64MultiArray answers the waiting state, unless the middleware received it before that state was published.
+    After a reset two states have the same stamp, so a JointState must then have come after the second one, too.
+    The first answer counts. All other joints take any command.
     """
 
     def __init__(self, joints: Sequence[int]):
         self._joints = frozenset(joints)
         self.missing = set()
         self.stamp, self.published, self.since = -1, 0, 0
-        self._anew = False  # whether the state before had the same stamp
+        self._same_stamp = False  # whether the state before had the same stamp
         self.reported = False  # whether silence has been reported
 
     def await_for(self, stamp: int, published: int, since: int) -> None:
         """
-        Begin anew: wait for the answers to the state of this stamp, ns.
+        Wait for the answers to the state of this stamp, ns.
 
-        It was published at `published`, ns since the epoch, by the clock that the middleware has, and at `since`, ns,
-        by the steady one.
+        `published`: ns since the epoch, when it was published by the clock of the middleware. `since`: ns, the same by
+        the steady clock.
         """
-        self._anew = stamp == self.stamp
+        self._same_stamp = stamp == self.stamp
         self.stamp, self.published, self.since, self.reported = stamp, published, since, False
         self.clear()
 
     def clear(self) -> None:
-        """Forget the answers that have come, and wait for the same ones."""
+        """Discard the answers that have come, and wait for them again."""
         self.missing = set(self._joints)
 
     def note_repeated(self, published: int) -> None:
-        """Note that the state was published once more: after a clock was set back, no answer must look old by that."""
+        """Note that the state was published again: if the clock was set back, answers must not look too old."""
         self.published = min(self.published, published)
 
     @property
@@ -48,10 +48,10 @@ class Answers:
         return not self.missing
 
     def admit(self, command: Command, received: int) -> Command:
-        """Return what acts of a command received at this time, ns since the epoch, or 0; and why the rest does not."""
+        """Return the part of a command that acts, and why the rest does not; `received`: ns since the epoch, or 0."""
         answers = command.stamp in (None, self.stamp)
-        if command.stamp is None or self._anew:
-            # DDS counts seconds in 32 bits, and has no later time
+        if command.stamp is None or self._same_stamp:
+            # DDS counts seconds in 32 bits and has no time for what comes later
             answers = answers and (received <= 0 or received >= self.published)
         acting = [(joint, value) for joint, value in zip(command.joints, command.efforts)
                   if joint not in self._joints or (answers and joint in self.missing)]
@@ -64,7 +64,7 @@ class Answers:
                                 ignored=(*command.ignored, self._why(command, answers)))
 
     def _why(self, command: Command, answers: bool) -> tuple[str, str]:
-        """Return why a command, or a part of it, is no answer to the state outstanding: reason, sentence."""
+        """Return why a command, or a part of it, is no answer to the waiting state: reason, sentence."""
         if answers:
             return 'second answer', 'is for joints that already have a command for this state; the first one counts'
         if command.stamp in (None, self.stamp):

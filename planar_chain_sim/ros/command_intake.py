@@ -1,4 +1,4 @@
-"""Commands and wrenches from the network, taken when a tick has a use for them: recorded, judged, held."""
+"""Commands and wrenches from the network: received when a tick needs them, recorded, checked and kept."""
 from __future__ import annotations
 
 from collections import Counter
@@ -19,12 +19,12 @@ class CommandIntake:
     """
     Takes the messages of `inputs`, key of INPUTS -> polled subscription, for the joints and bodies of `chain`.
 
-    `context`: of rclpy. `publication` records messages and tells what was rejected; `warn(key, sentence)` logs, and
-    returns False where it has done so for this key in the last second.
-    `commanded`: of CommandReader. held: HeldEffort. rejected, ignored: Counters of reasons, of messages that are
-    refused and of those that have, in part or whole, no effect. superseded: how many a newer one has overtaken before
-    they acted. fresh: topics of what has come and was not refused, until the owner clears it. wrenches: body -> the
-    newest wrench for it, as the change 'wrench' has it, until the owner takes it out.
+    `context`: of rclpy. `publication` records messages and publishes events; `warn(key, sentence)` logs a warning and
+    returns True, or returns False if it has logged one for this key in the last second.
+    `commanded`: of CommandReader. held: HeldEffort. rejected, ignored: reason -> number of messages that were
+    refused, and of those without effect, in whole or in part. superseded: number of messages replaced by newer ones
+    before they acted. fresh: topics of accepted messages, until the owner clears it. wrenches: body -> data of the
+    event 'wrench' for its newest wrench, until the owner takes it out.
     """
 
     def __init__(self, chain, commanded, inputs, context, publication, warn):
@@ -38,16 +38,16 @@ class CommandIntake:
         self._wrench_reader = WrenchReader([body.name for body in chain.bodies])
         self.held, self.rejected, self.ignored = HeldEffort(len(self._names)), Counter(), Counter()
         self.superseded, self.fresh = 0, set()
-        self.wrenches, self._pushes = {}, []  # the second: messages not yet read
+        self.wrenches, self._pushes = {}, []  # _pushes: messages not yet read
         self._heard: tuple[str, ...] = ()  # keys of the inputs that have a publisher
-        self._next: tuple[str, ...] = ()   # of those to be polled next time
+        self._next: tuple[str, ...] = ()   # keys of the inputs to poll next time
         self._waker = GuardCondition(lambda: None, None, context=context)
         self._wait_set = _rclpy.WaitSet(len(inputs), 1, 0, 0, 0, 0, context.handle)
 
     def check_publishers(self) -> None:
-        """Check who publishes."""
+        """Find out which inputs have a publisher."""
         self._heard = tuple(key for key, subscription in self._inputs.items() if subscription.get_publisher_count())
-        self._next = tuple(INPUTS)  # also those who came and went between two checks
+        self._next = tuple(INPUTS)  # a publisher may have come and gone since the last call
 
     @property
     def commanded(self) -> bool:
@@ -69,14 +69,15 @@ class CommandIntake:
         self._waker.trigger()
 
     def close(self) -> None:
-        """Let go of what waits."""
+        """Free what wait() uses."""
         self._waker.destroy()
 
     def take_commands(self, tick: int, answers: Optional[Answers] = None) -> Optional[str]:
         """
-        Take what has come; return the topic of the newest command that acts from `tick` on and is not recorded yet.
+        Take the messages that have come; return the topic of the newest command that acts from `tick` on.
 
-        The newest command of each joint acts, in lockstep the first that answers the state outstanding.
+        None if there is no such command, or if its event is recorded already. The newest command of each joint
+        acts; in lockstep the first one that answers the waiting state.
         """
         arrived = self._take() if self._next else ()
         if self._pushes:
@@ -94,7 +95,7 @@ class CommandIntake:
         for place, (received, key, data) in enumerate(arrived if answers else reversed(arrived)):
             topic = self._topics[key]
             if not answers and len(settled) == len(self._names):
-                self.superseded += len(arrived) - place  # a flood is not worth reading
+                self.superseded += len(arrived) - place  # the rest of a flood need not be read
                 break
             try:
                 command = self._reader.read(INPUTS[key].type_name, data)
@@ -124,7 +125,7 @@ class CommandIntake:
         arrived = []
         for key in keys:
             take, message_type, depth = self._takes[key]
-            for _ in depth:  # not until it is empty: a flood could keep us here
+            for _ in depth:  # not until the queue is empty: a flood would never end
                 taken = take(message_type, True)
                 if taken is None:
                     break
@@ -135,13 +136,13 @@ class CommandIntake:
                     self._pushes.append(data)
                 if len(data) <= LONGEST_MESSAGE:
                     self._publication.record_command(self._topics[key], data, about['source_timestamp'])
-        # Each topic keeps its own order; between the two, the time at which the middleware received a message decides.
+        # Each topic keeps its own order; between topics, the time at which the middleware received a message decides.
         if len(keys) > 1:
             arrived.sort(key=itemgetter(0))
         return arrived
 
     def _read_wrenches(self) -> None:
-        """Judge the wrenches that have come; of each body the newest is kept."""
+        """Check the wrenches that have come and keep the newest for each body."""
         errors, topic = [], self._topics['wrench']
         for data in self._pushes:
             try:
@@ -158,14 +159,14 @@ class CommandIntake:
             self._reject(topic, errors[::-1])
 
     def ignore(self, topic: str, reason: str, sentence: str) -> None:
-        """Count and tell that something on a topic has no effect: by a warning and an event a second at most."""
+        """Count a message without effect; report it by at most one warning and one event a second."""
         self.ignored[reason] += 1
         if self._warn((topic, reason), sentence):
             self._publication.publish_event('ignored', topic=topic, reason=reason, message=sentence,
                                             count=self.ignored[reason])
 
     def _reject(self, topic: str, errors: list) -> None:
-        """Count and tell what was refused on a topic, the newest first; of each reason one stands for all."""
+        """Count and report the messages refused on a topic, `errors` newest first: one report for each reason."""
         what = 'wrench' if topic == self._topics['wrench'] else 'command'
         for reason, count in Counter(error.reason for error in errors).items():
             error = next(error for error in errors if error.reason == reason)

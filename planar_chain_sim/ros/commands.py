@@ -1,4 +1,4 @@
-"""Effort commands: what a message asks of which joint, what is refused, and the efforts held until the next one."""
+"""Effort commands: reading and checking of messages, and the efforts that act until the next command."""
 from __future__ import annotations
 
 from math import isfinite, isinf, isnan
@@ -12,7 +12,7 @@ LONGEST_MESSAGE = 2 ** 20  # bytes; what is longer is refused unread, and no log
 
 
 class CommandError(ValueError):
-    """A command message that is refused as a whole: one sentence, and the reason in two words."""
+    """A message that is refused as a whole: one sentence, and the reason in a few words."""
 
     def __init__(self, reason: str, sentence: str):
         super().__init__(sentence)
@@ -150,7 +150,7 @@ class HeldEffort:
     """
     The newest commanded effort of every joint, N m or N, zero before the first command.
 
-    effort: float64 (joints,) in joint order. commanded: whether it is somebody's command.
+    effort: float64 (joints,) in joint order. commanded: whether any command has come since the last clear().
     """
 
     def __init__(self, joints: int):
@@ -159,25 +159,25 @@ class HeldEffort:
         self.commanded = False
 
     def hold(self, command: Command, tick: int) -> None:
-        """Hold a command from `tick` on; a joint it does not name keeps its effort."""
+        """Let a command act from `tick` on; a joint that it does not name keeps its effort."""
         for joint, value in zip(command.joints, command.efforts):
             self.effort[joint] = value
             self._since[joint] = tick
         self.commanded = True
 
     def renew(self, tick: int) -> None:
-        """Hold what has been put into `effort`, a command of every joint, from `tick` on."""
+        """Note that all of `effort`, already set, is a command that acts from `tick` on."""
         self._since = [tick] * len(self._since)
         self.commanded = True
 
     def clear(self) -> None:
-        """Hold zero effort at every joint."""
+        """Set the effort of every joint to zero."""
         self.effort[:] = 0.0
         self._since = [None] * len(self._since)
         self.commanded = False
 
     def expire(self, tick: int, ticks: float) -> list[int]:
-        """Let joints have zero effort whose last command is `ticks` ticks old at `tick`; return which."""
+        """Set to zero the efforts whose command is at least `ticks` ticks old at `tick`; return their joints."""
         silent = [joint for joint, since in enumerate(self._since) if since is not None and tick - since >= ticks]
         for joint in silent:
             self.effort[joint] = 0.0

@@ -1,4 +1,4 @@
-"""Declares the rows of parameters in ROS, takes the values that were given, and lets live ones be set."""
+"""Declares the parameters in ROS from their rows, reads the given values, and accepts changes of live parameters."""
 from __future__ import annotations
 
 from difflib import get_close_matches
@@ -47,10 +47,10 @@ def overrides(node) -> dict[str, Value]:
 
 def given_values(node, rows, **told: Value) -> dict[str, Value]:
     """
-    Return name -> value of rows, as given or else the default; an integer is taken where a number is meant.
+    Return name -> value of rows, as given or else the default; an integer is accepted where a number is meant.
 
-    `told`: values that were given in another way. Mistake: a value of the wrong type, outside its range or choices, or
-    given in both ways.
+    `told`: values from the command line's own options. Mistake: a value of the wrong type, outside its range or
+    choices, or given in both ways.
     """
     given = overrides(node)
     _warn_of_unknown(node, given, [row.name for row in rows])
@@ -84,9 +84,9 @@ def declare_chain_parameters(node, chain) -> dict[str, Value]:
     return values
 
 
-def let_set(node, chain, apply: Callable[[dict[str, Value]], tuple[bool, str]]) -> None:
+def accept_changes(node, chain, apply: Callable[[dict[str, Value]], tuple[bool, str]]) -> None:
     """
-    From now on let live parameters be set: checked values go to `apply({name: value})` -> (success, sentence).
+    Accept changes of live parameters from now on: checked values go to `apply({name: value})` -> (success, sentence).
 
     All parameters of an atomic set are checked first and applied together.
     """
@@ -131,7 +131,7 @@ def declare(node, values: dict[str, Value], rows: dict[str, Row]) -> None:
 
 
 def _converted(parameter: Parameter, chain) -> Parameter:
-    """Return the parameter as its declared type has it: integers as the numbers meant, an empty list as the default."""
+    """Return the parameter in its declared type: integers become numbers, an empty list becomes the default."""
     row = ROWS.get(parameter.name)
     if row is None:
         return parameter

@@ -1,4 +1,4 @@
-"""The topic robot_description: the chain's URDF for others, or another's URDF for the chain."""
+"""The topic robot_description: publishes the chain's URDF, or receives the URDF that becomes the chain."""
 from __future__ import annotations
 
 from queue import Empty
@@ -12,7 +12,7 @@ LOOK_PERIOD = 0.02  # s
 
 
 def await_description(node, stop) -> Optional[str]:
-    """Return the text that comes on robot_description; None where something is put into `stop` before."""
+    """Return the text that comes on robot_description; None if something is put into `stop` before."""
     subscription = create_polled_subscription(node, TOPIC)
     node.get_logger().info(f'waiting for the URDF of a planar robot on {subscription.topic_name}')
     try:
@@ -31,7 +31,7 @@ def await_description(node, stop) -> Optional[str]:
 
 
 def warn_of_another(node, text: str) -> None:
-    """Warn, once, when a text other than the one that the chain was read from comes on robot_description."""
+    """Warn, once, if another text comes on robot_description than the one that the chain was read from."""
     def judge(message) -> None:
         if message.data != text:
             node.get_logger().warning(f'another text has come on {subscription.topic_name} and has no effect: the '

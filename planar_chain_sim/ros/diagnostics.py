@@ -1,4 +1,4 @@
-"""Once a second on /diagnostics: how well time is kept, which commands were refused, energy, and the log."""
+"""Publishes on /diagnostics once a second: timing, rejected commands, energy, and the log."""
 from __future__ import annotations
 
 from time import time_ns
@@ -27,7 +27,7 @@ class Diagnostics:
         self._before = 0, 0.0, 0, 0  # missed ticks, dropped s, rejected and ignored commands by the last report
 
     def report(self) -> None:
-        """Publish one message; where the tick thread does not answer, that is what it says."""
+        """Publish one message; if the tick thread does not answer, the message says so."""
         answered, measured = self._simulator.measure()
         if answered:
             statuses = [self._simulation(measured), self._commands(measured), self._log_state(), self._network()]

@@ -1,4 +1,4 @@
-"""The executable `example_controller`: computed torque along a swing, a loop to try and to begin one's own from."""
+"""The executable `example_controller`: computed torque along a swing, to try and to start your own from."""
 from __future__ import annotations
 
 from contextlib import ExitStack
@@ -9,13 +9,13 @@ from typing import Any
 from .process import run_until_stopped, start_node
 
 DESCRIPTION = """\
-Lead the simulator's arm along a swing, by computed torque: each joint from where it is to `amplitude` farther and back.
+Lead the simulator's arm along a swing by computed torque: each joint goes `amplitude` farther and comes back.
 
 It answers every joint_states with efforts on simulator/joint_commands, in lockstep too. Parameters: chain_file, the one
 that the simulator has; amplitude (rad; a slide gets a fifth of it in m), period (s), bandwidth (rad/s).
 SIGINT and SIGTERM end it with exit code 0. A mistake ends it with one sentence and exit code 2."""
 EXAMPLE = 'example_controller --ros-args -p amplitude:=0.8 -p period:=3.0'
-PATIENCE = 2.0  # s of wall time after which a missing simulator is told
+PATIENCE = 2.0  # s of wall time after which a missing simulator is reported
 REPORT_PERIOD = 2.0  # s of stamped time between two sentences about the error
 
 
@@ -51,7 +51,7 @@ class ComputedTorque:
 
 
 def main(arguments=None) -> int:
-    """Run the executable: the handlers of SIGINT and SIGTERM first, nothing heavy is imported before."""
+    """Run the executable. Its stop signals are handled before anything heavy is imported."""
     return run_until_stopped('example_controller', control, arguments)
 
 
@@ -93,7 +93,7 @@ def controller_of(node):
 
 
 def answer_states(node, controller: ComputedTorque, chain) -> None:
-    """Subscribe to the states and answer each; tell how large the error was, now and then."""
+    """Subscribe to the states and answer each; log the largest error now and then."""
     import numpy as np
     from rclpy.clock import Clock, ClockType
     from sensor_msgs.msg import JointState
@@ -115,10 +115,10 @@ def answer_states(node, controller: ComputedTorque, chain) -> None:
             node.get_logger().info(f'largest error of the last {REPORT_PERIOD:g} s: {worst:.2g} rad or m')
             worst, told = 0.0, time
 
-    # The newest state alone is worth an answer, but lockstep waits for the answer to each.
+    # In real time only the newest state needs an answer. Lockstep waits for the answer before the next state.
     subscription = node.create_subscription(JointState, 'joint_states', answer, 1)
 
-    def tell_of_nobody():
+    def warn_of_missing_nodes():
         timer.cancel()
         if told is None and not subscription.get_publisher_count():
             node.get_logger().warning(f'no joint_states on {subscription.topic_name} yet, is a simulator in this '
@@ -126,7 +126,7 @@ def answer_states(node, controller: ComputedTorque, chain) -> None:
         if not publisher.get_subscription_count():
             node.get_logger().warning(f'nobody takes efforts on {publisher.topic_name}, has the simulator another '
                                       'name?')
-    timer = node.create_timer(PATIENCE, tell_of_nobody, clock=Clock(clock_type=ClockType.STEADY_TIME))
+    timer = node.create_timer(PATIENCE, warn_of_missing_nodes, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
 
 if __name__ == '__main__':

@@ -1,7 +1,7 @@
 """
-Lockstep over plain topics: a state is published, and only when its commands are there does the next come about.
+Lockstep over plain topics: the node publishes a state and makes the next one only when it has all commands for it.
 
-Nothing of it depends on the clock, so that a controller of any slowness gives the same bits.
+Nothing here depends on the clock, so a slow controller gives the same bits as a fast one.
 """
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from .answers import Answers
 from .simulator import Simulator
 from .tick_thread import LONGEST_SLEEP
 
-USUAL_TIMEOUT = 1.0  # s; where command_timeout is not set, silence is reported after this
-REPEAT_PERIOD = 1_000_000_000  # ns after which the state outstanding is published again, for those who came late
+USUAL_TIMEOUT = 1.0  # s; without command_timeout, missing commands are reported after this time
+REPEAT_PERIOD = 1_000_000_000  # ns after which the waiting state is published again, for new subscribers
 
 
 class LockstepSimulator(Simulator):
-    """A Simulator whose wake-up is the arrival of the last command that the state outstanding waits for."""
+    """A Simulator that advances when all commands for the waiting state have come."""
 
     def __init__(self, simulation, values, *arguments):
         super().__init__(simulation, values, *arguments)
         self._answers = Answers(list(map(simulation.chain.joint_names.index, values['lockstep_joints'])))
         self._topic = None  # of the newest answer that is not recorded
-        self._seen = False  # whether anybody may have got the state outstanding
+        self._seen = False  # whether the waiting state had a subscriber when it was published
 
     def _wait_or_tick(self, now: int) -> None:
-        """Make the ticks of a period where all commands are there, else wait for one more."""
+        """Make the ticks of a period if all commands are there, else wait for one more command."""
         self._take_commands()
         if self._answers.complete:
             while self._tick() and self._simulation.tick % self._publication.ticks_per_state:
@@ -54,8 +54,8 @@ class LockstepSimulator(Simulator):
                 (monotonic_ns() - self._answers.since) * 1e-9)
 
     def _publish_state(self, record: bool, publish: bool = True) -> None:
-        """Publish the state; where it is a new one, wait for its answers from now on."""
-        now, wall = monotonic_ns(), time_ns()  # before it is out: an answer may be here before this thread goes on
+        """Publish the state; if it is a new one, wait for its answers from now on."""
+        now, wall = monotonic_ns(), time_ns()  # read before publishing, as an answer may come at once
         super()._publish_state(record, publish)
         if publish:
             self._repeat_due, self._seen = now + REPEAT_PERIOD, self._publication.has_listeners()
@@ -65,7 +65,7 @@ class LockstepSimulator(Simulator):
                 self._answers.note_repeated(wall)
 
     def _take_commands(self) -> None:
-        """Take the answers that have come, and record which efforts act when all are there."""
+        """Take the answers that have come; when all are there, record the efforts that act."""
         self._topic = self._intake.take_commands(self._simulation.tick, self._answers) or self._topic
         self._apply_wrenches()
         if self._topic and self._answers.complete:
@@ -73,6 +73,6 @@ class LockstepSimulator(Simulator):
             self._topic = None
 
     def _clear_commands(self) -> None:
-        """Forget answers too: those of a controller that has gone must not be mixed with another's."""
+        """Clear the answers too: those of a controller that has gone must not be mixed with another's."""
         super()._clear_commands()
         self._answers.clear()

@@ -1,4 +1,4 @@
-"""What a running simulator can say about itself: pace, lateness, rejected commands, energy."""
+"""Measures a running simulator: pace, lateness, rejected commands, energy."""
 from __future__ import annotations
 
 from time import monotonic_ns
@@ -10,11 +10,11 @@ from ..motion.energy_balance import EnergyBalance
 
 class Measurement(NamedTuple):
     """
-    One look; counts are since the start, `lateness` (mean, largest; s) and `real_time_factor` since the last look.
+    Counts since the start; `lateness` (mean, largest; s) and `real_time_factor` since the last measurement.
 
-    `missed`: ticks that came more than a period late and were made up for. `dropped`: s that were not.
+    `missed`: ticks that came more than a period late and were caught up with. `dropped`: s that were not.
     `energy_error`, `energy_size`: of EnergyBalance, J. `rejected`, `ignored`: reason -> count; `superseded`: count.
-    `held_up`: s that the middleware has held up who publishes. `waiting`: joints that lockstep waits for, and for how
+    `held_up`: s for which the middleware blocked publishing. `waiting`: joints that lockstep waits for, and for how
     long, s. `end`: why the motion ended, or None.
     """
 
@@ -36,9 +36,9 @@ class Measurement(NamedTuple):
 
 class Meter:
     """
-    Counts while the tick thread runs; only that thread touches it.
+    Counts while the tick thread runs; only that thread uses it.
 
-    balance: the EnergyBalance, to be fed with the messages (bytes) of `layout` that tell of each tick.
+    balance: the EnergyBalance, which takes the state messages (bytes) of `layout`, one for each tick.
     """
 
     def __init__(self, simulation, layout):
@@ -50,11 +50,11 @@ class Meter:
         self._last = simulation.tick, monotonic_ns()
 
     def restart(self, simulation) -> None:
-        """Begin a new energy balance: the state or the chain was changed from outside."""
+        """Start a new energy balance after the state or the chain was changed from outside."""
         self.balance.restart(simulation.chain, simulation.position, simulation.velocity)
 
     def add_lateness(self, late: int, period: float) -> None:
-        """Take the lateness of a wake-up, ns, at this period, ns."""
+        """Count a wake-up with its lateness, ns, at this period, ns."""
         self._ticks += 1
         self._sum += late
         if late > self._largest:
@@ -63,12 +63,12 @@ class Meter:
             self._missed += 1
 
     def add_dropped(self, seconds: float) -> None:
-        """Take time that was given up."""
+        """Count time, s, that was dropped."""
         self._dropped += seconds
 
     def measure(self, tick: int, intake, end: Optional[SimulationError], paused: bool, held_up: int,
                 waiting: tuple) -> Measurement:
-        """Return how things stand and begin a new look; `held_up`: ns."""
+        """Return a Measurement and start the next one; `held_up`: ns."""
         self.balance.fold()
         now, (last_tick, last) = monotonic_ns(), self._last
         lateness = self._sum / max(self._ticks, 1) * 1e-9, self._largest * 1e-9

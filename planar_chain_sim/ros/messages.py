@@ -13,7 +13,7 @@ class Topic(NamedTuple):
     """
     A topic: name, type as ROS writes it, queue depth; every one is reliable and keep_last(depth).
 
-    `latched`: transient_local, for those who come later. `option`: the parameter that must be true to have the topic.
+    `latched`: transient_local, for late subscribers. `option`: the parameter that must be true for the topic to exist.
     """
 
     name: str
@@ -60,14 +60,14 @@ INPUTS = {**COMMANDS, 'wrench': Topic('~/wrench', 'geometry_msgs/msg/WrenchStamp
 
 class PolledGroup(CallbackGroup):
     """
-    Keeps its subscriptions out of every executor: the owner takes their messages itself, when it has a use for them.
+    Keeps its subscriptions out of every executor: the owner takes their messages itself, when it needs them.
 
-    An executor would wake up for each message and cost more than the tick that uses it. Nor may it have their QoS
-    events: while it waits for one of those, every message of the subscription wakes it too.
+    An executor would wake up for each message, which costs more than the tick that uses it. It must not wait for their
+    QoS events either: then every message of the subscription would wake it, too.
     """
 
     def can_execute(self, entity) -> bool:
-        """Return False, by which an executor leaves the entity out of its wait set."""
+        """Return False, so that an executor leaves the entity out of its wait set."""
         return False
 
     def beginning_execution(self, entity) -> bool:

@@ -23,19 +23,19 @@ ON_TOPIC = 'robot_description'  # a chain file of this name is the text that com
 
 
 def main(arguments=None) -> int:
-    """Run the executable: the handlers of stop signals first, nothing heavy is imported before."""
+    """Run the executable. Its stop signals are handled before anything heavy is imported."""
     return run_until_stopped('simulator', simulate, arguments)
 
 
 def simulate(own_arguments, ros_arguments, stop) -> None:
-    """Simulate until something is put into `stop`. Mistake: arguments, parameters, chain, method or log are no good."""
-    from ..command_line import say
+    """Simulate until something is put into `stop`. Mistake: bad arguments, parameters, chain, method or log."""
+    from ..command_line import report
     from ..errors import Mistake
     told = parse(own_arguments)
     gc.disable()  # until all is loaded: nothing of it is garbage
     with ExitStack() as ending:  # ends in reverse order, so that nobody is asked who has gone already
         node = start_node('simulator', ros_arguments, ending)
-        warnings.showwarning = lambda message, category, *_: tell(node, message, category)
+        warnings.showwarning = lambda message, category, *_: log_warning(node, message, category)
         started = start_simulator(node, ending, stop, told)
         if not started:
             return
@@ -47,7 +47,7 @@ def simulate(own_arguments, ros_arguments, stop) -> None:
     if log and log.error and values['on_log_failure'] == 'stop':
         raise Mistake(str(log.error))
     if log and log.error:   # told when it happened, but for what happened at the end
-        say('simulator', str(log.error))
+        report('simulator', str(log.error))
     if reason is not None:
         if type(reason).__name__ == 'RCLError':
             refuse_clock()   # which may have been set to where nothing can be sent
@@ -55,7 +55,7 @@ def simulate(own_arguments, ros_arguments, stop) -> None:
 
 
 def parse(arguments) -> dict:
-    """Return the parameters that the command line gives besides those of ROS; Mistake on what is no argument."""
+    """Return the parameters that the command line's own options give; Mistake: an unknown argument."""
     from ..command_line import add_hold, Parser
     parser = Parser('simulator', DESCRIPTION, EXAMPLE)
     parser.add_argument('chain', nargs='?', help='chain file (YAML, URDF or MJCF); sets the parameter chain_file')
@@ -71,8 +71,8 @@ def parse(arguments) -> dict:
     return {name: value for name, value in told.items() if value is not None}
 
 
-def tell(node, message, category) -> None:
-    """Log a Python warning: of a step that is too long, at the start or while it runs; of a robot's file."""
+def log_warning(node, message, category) -> None:
+    """Log a Python warning, such as a step that is too long, or the line about a robot file."""
     from ..errors import RobotFileNote
     if issubclass(category, RobotFileNote):
         node.get_logger().info(str(message))
@@ -84,7 +84,7 @@ def start_simulator(node, ending, stop, told=None):
     """
     Return a running Simulator, its simulation, its URDF or None, parameters, log or None, inputs and publishers.
 
-    None after a stop. `told`: parameters that were given in another way than as such.
+    None after a stop. `told`: parameters from the command line's own options.
     """
     from .declaration import declare_chain_parameters, declare_parameters
     from .messages import create_polled_subscription, create_publisher, INPUTS, OUTPUTS
@@ -93,7 +93,7 @@ def start_simulator(node, ending, stop, told=None):
     if values['publish_tf']:
         from .transforms import check_installed
         check_installed()
-    tell_of_clocks(node, values)
+    log_use_sim_time(node, values)
     # Topics first: while the chain is read, the others on the network find them.
     publishers = {key: create_publisher(node, topic) for key, topic in OUTPUTS.items()
                   if not topic.option or values[topic.option]}
@@ -114,11 +114,11 @@ def start_simulator(node, ending, stop, told=None):
     sys.setswitchinterval(SWITCH_INTERVAL)
     simulator.start()
     ending.callback(simulator.stop)
-    say_hello(node, simulation, values, publishers, inputs)
+    log_start(node, simulation, values, publishers, inputs)
     return simulator, simulation, urdf, values, log, (inputs, publishers)
 
 
-def say_hello(node, simulation, values, publishers, inputs) -> None:
+def log_start(node, simulation, values, publishers, inputs) -> None:
     """Log what runs, where to send efforts and how to see it; the plan at debug level."""
     names, logger = simulation.chain.joint_names, node.get_logger()
     shown = ', '.join(names[:SHOWN]) + (f' and {len(names) - SHOWN} more' if len(names) > SHOWN else '')
@@ -137,7 +137,7 @@ def serve(node, ending, stop, simulator, chain, urdf, values, log, ends) -> None
 
     `ends`: subscriptions of INPUTS and publishers of OUTPUTS, by key.
     """
-    from .declaration import let_set
+    from .declaration import accept_changes
     from .diagnostics import Diagnostics, PERIOD
     from .messages import create_publisher, SIDE_OUTPUTS
     from .neighbours import Neighbours, PERIOD as NEIGHBOURS_PERIOD
@@ -158,7 +158,7 @@ def serve(node, ending, stop, simulator, chain, urdf, values, log, ends) -> None
     if values['chain_file'] == ON_TOPIC:
         from .description import warn_of_another
         warn_of_another(node, urdf)
-    let_set(node, chain, simulator.set_parameters)
+    accept_changes(node, chain, simulator.set_parameters)
     services.ask_every(NEIGHBOURS_PERIOD, neighbours.check)
     services.ask_every(PERIOD, Diagnostics(node.get_fully_qualified_name().lstrip('/'), simulator,
                                            publishers['diagnostics'], values, log, chain.name, neighbours).report)
@@ -186,7 +186,7 @@ def serve(node, ending, stop, simulator, chain, urdf, values, log, ends) -> None
 
 
 def frames_of(chain, urdf, values):
-    """Return the LinkFrames of the URDF that came, or of the chain's own."""
+    """Return the LinkFrames of the URDF that was given, or of the URDF written from the chain."""
     from ..chain.hold import read_hold
     from ..robot_files.link_frames import LinkFrames
     from ..robot_files.urdf_writer import PLANE, urdf_of
@@ -196,14 +196,14 @@ def frames_of(chain, urdf, values):
     return LinkFrames(urdf_of(chain), plane=PLANE)
 
 
-def tell_of_clocks(node, values) -> None:
+def log_use_sim_time(node, values) -> None:
     """
     Log what use_sim_time means for this node, at the start and when it is set.
 
-    Ticks are counted on the steady clock and nothing here waits for /clock. A subscription to it would only cost
-    time: a thousand of our own messages a second.
+    Ticks are counted on the steady clock and nothing here waits for /clock. A subscription to it would only receive
+    the node's own messages, a thousand a second.
     """
-    def tell(wanted: bool) -> None:
+    def log_meaning(wanted: bool) -> None:
         if not wanted:
             node.get_logger().info('use_sim_time is off, which changes nothing: this node never waits for /clock')
             return
@@ -214,18 +214,18 @@ def tell_of_clocks(node, values) -> None:
             node.get_logger().warning('use_sim_time is set, but this node keeps wall time and stamps with it; '
                                       'publish_clock:=true, at the start, makes it the clock')
 
-    def tell_all(parameters) -> None:
+    def log_all(parameters) -> None:
         for parameter in parameters:
             if parameter.name == 'use_sim_time':
-                tell(parameter.value)
+                log_meaning(parameter.value)
 
     if node.get_parameter('use_sim_time').value:
-        tell(True)
-    node.add_post_set_parameters_callback(tell_all)
+        log_meaning(True)
+    node.add_post_set_parameters_callback(log_all)
 
 
 def simulator_class(values):
-    """Return the kind of Simulator that the parameter `lockstep` wants."""
+    """Return the class of Simulator that the parameter `lockstep` chooses."""
     if values['lockstep']:
         from .lockstep import LockstepSimulator
         return LockstepSimulator
@@ -248,7 +248,7 @@ def load(node, values, stop):
 
 
 def create_simulation(chain, values):
-    """Return the Simulation of the chain and the parameters, which are checked; ChainError where there can't be one."""
+    """Return the Simulation of the chain by the parameters; ChainError: they do not fit the chain."""
     from .tick_thread import payload_of
     from ..chain.quantities import changed_chain, QUANTITIES
     from ..motion.simulation import Simulation

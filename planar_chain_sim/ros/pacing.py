@@ -1,4 +1,4 @@
-"""When which tick is due: counted from the steady clock, never 'sleep the rest', so that lateness does not add up."""
+"""When each tick is due: at absolute times of the steady clock, so that lateness does not add up."""
 from __future__ import annotations
 
 import ctypes
@@ -15,10 +15,10 @@ SCHED_SETATTR = {'x86_64': 314, 'aarch64': 274}  # machine -> number of the syst
 
 def wake_punctually() -> None:
     """
-    Have the calling thread run when it asked to, as far as Linux does that for everybody; what fails is as before.
+    Let the calling thread wake up on time, as far as Linux allows that without privileges; no failure is reported.
 
-    It else wakes a thread up to 50 us late, to save energy, and may first let another one use up a slice of some ms;
-    since 6.12 a thread with shorter slices goes before it.
+    By default Linux wakes a thread up to 50 us late, to save energy, and may first let another thread use up a time
+    slice of some ms. Since Linux 6.12 a thread with shorter slices runs first.
     """
     if sys.platform != 'linux':
         return
@@ -38,7 +38,7 @@ def simulated_time(tick: int, step: float) -> int:
 
 class Pacing:
     """
-    Ticks on the wall: tick k is due at start + (k - start tick) * period, and its state is stamped with that time.
+    Wall times of ticks: tick k is due at start + (k - start tick) * period, and its state is stamped with that time.
 
     `period`: s of wall time per tick; 0: every tick is due at once, where the owner anchors each. `wall_minus_steady`:
     ns from the steady clock to the epoch, fixed once, so that no step of the system clock ever shows in a stamp.
@@ -53,12 +53,12 @@ class Pacing:
         self._asked: Optional[int] = None  # tick whose due time is kept
 
     def anchor(self, tick: int, now: int) -> None:
-        """Let `tick` be due now: at the start and after a pause. Its stamp is now, or later where stamps are ahead."""
+        """Make `tick` due now, at the start or after a pause. Its stamp is now, or later if stamps are ahead."""
         self.stamp_minus_due = max(self.wall_minus_steady, self.stamp(tick) - now)
         self._tick, self._start, self._asked = tick, now, None
 
     def set_period(self, period: float, tick: int, now: int) -> None:
-        """Go on at another pace from `tick`, which is due now."""
+        """Set another period from `tick` on, which is due now."""
         self.anchor(tick, now)
         self.period = period * 1e9
 
@@ -74,7 +74,7 @@ class Pacing:
         return time if time < LAST_STAMP else LAST_STAMP
 
     def drop(self, tick: int, now: int) -> int:
-        """Let `tick` be due now instead of when it was, stamps likewise; return the time dropped."""
+        """Make `tick` due now, and shift stamps by the same time; return that time, ns."""
         late = now - self.due(tick)
         self._tick, self._start, self._asked = tick, now, None
         return late

@@ -1,8 +1,8 @@
 """
-The node's parameters, one row each: name, default, description, unit, range, and whether a change while running acts.
+The node's parameters, one row each: name, default, description, unit, range, and whether it can change at run time.
 
 Rows with an `of_chain` take their default from the chain and are declared when it has been loaded. Nothing here needs
-ROS, so that --help works without it; declaration.py makes ROS parameters of the rows.
+ROS, so --help works without it; declaration.py makes ROS parameters from the rows.
 """
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ TYPES = {bool: 'BOOL', float: 'DOUBLE', str: 'STRING', list: TEXTS}
 WANTED = {'BOOL': 'true or false', 'DOUBLE': 'a number', 'STRING': 'a string', NUMBERS: 'a list of numbers',
           TEXTS: 'a list of strings'}
 TINY = re.compile(r'[-+]?\d+\.?\d*[eE][-+]?\d+')   # beyond 1e-308 and 1e308 ROS takes a number for a text
-FARTHEST = 1e6   # m; what is welded on farther out has an inertia beside which all else is rounding
+FARTHEST = 1e6   # m; the inertia of a payload farther out would make all other inertias vanish in rounding
 
 
 class Row(NamedTuple):
@@ -53,7 +53,7 @@ class Row(NamedTuple):
 
     @property
     def range(self) -> str:
-        """Return what `limits` and `smallest` allow, in words."""
+        """Return in words what `limits` and `smallest` allow."""
         least, greatest = self.limits or (-inf, inf)
         return f'{f"0 or from {self.smallest:g}" if self.smallest else f"from {least:g}"} to {greatest:g}'
 
@@ -131,7 +131,7 @@ def parameter_table(rows=PARAMETERS, width: int = 80) -> str:
 
 
 def checked(row: Row, value) -> Value:
-    """Return the value as the row's type has it, an integer as the number it is; Mistake: it cannot be."""
+    """Return the value in the row's type, an integer as a float where a number is meant; Mistake: another type."""
     if row.type == 'DOUBLE' and (type(value) is int or isinstance(value, str) and TINY.fullmatch(value)):
         value = _number(row, value)
     if type(row.default) is list and (value is None or type(value) is str):   # ROS gives an empty list no type
@@ -168,7 +168,7 @@ def numbers_of(text: str) -> Optional[list]:
 
 
 def check_quantity(chain, name: str, values) -> None:
-    """Refuse values of a quantity that the chain cannot have; Mistake."""
+    """Raise Mistake for values of a quantity that the chain cannot have."""
     try:
         changed_chain(chain, name, values)
     except ValueError as error:
@@ -176,7 +176,7 @@ def check_quantity(chain, name: str, values) -> None:
 
 
 def check_together(values: dict[str, Value]) -> None:
-    """Refuse values that do not go together, with a Mistake, and put `rate` for a `publish_rate` of 0."""
+    """Raise Mistake for values that do not go together; replace a `publish_rate` of 0 by `rate`."""
     if values['tolerance'] == 1.0:
         raise Mistake("parameter 'tolerance' is 1.0, must be below 1")
     if not values['chain_file']:
@@ -192,7 +192,7 @@ def check_together(values: dict[str, Value]) -> None:
 
 
 def idle(given: dict[str, Value], values: dict[str, Value]) -> Iterator[str]:
-    """Yield a sentence for each parameter that was given and has no effect with these values of all."""
+    """Yield a sentence for each given parameter that has no effect with these values of the others."""
     for name, needed in NEEDED.items():
         if given.get(name) and not values[needed]:
             yield f'parameter {name!r} has no effect without {needed!r}'
@@ -200,10 +200,10 @@ def idle(given: dict[str, Value], values: dict[str, Value]) -> Iterator[str]:
 
 def check_for_chain(chain, given: dict[str, Value]) -> dict[str, Value]:
     """
-    Return what was given of the rows with a default by the chain, checked against it; Mistake.
+    Return the given values of rows whose default comes from the chain, checked against the chain; Mistake.
 
-    `given`: those, and `payload_body`. An empty list stands for the default. `lockstep_joints`, `commanded_joints`,
-    `payload_body` and `payload_position` are always there.
+    `given`: these, and `payload_body`. An empty list stands for the default. The result always has `lockstep_joints`,
+    `commanded_joints`, `payload_body` and `payload_position`.
     """
     values = {}
     for row in PARAMETERS:

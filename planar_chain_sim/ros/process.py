@@ -1,4 +1,4 @@
-"""A ROS executable as a process: stop signals caught before all else, ROS started and ended, exit code 0 or 2."""
+"""A ROS executable as a process: catches stop signals first, starts and ends ROS, and returns exit code 0 or 2."""
 from __future__ import annotations
 
 from contextlib import ExitStack
@@ -20,8 +20,9 @@ def catch_stop_signals() -> SimpleQueue:
     """
     From now on SIGINT, SIGTERM and SIGHUP put None into the returned queue and do nothing else.
 
-    A SIGHUP that is ignored, as under nohup, stays so.
-    SimpleQueue.put may interrupt a get; an Event's set could meet its own wait holding the lock, and never return.
+    A SIGHUP that is ignored, as under nohup, stays ignored.
+    A queue and no Event: if the signal comes during Event.wait(), Event.set() may wait for a lock for ever.
+    SimpleQueue.put() can be called during a get().
     """
     stop = SimpleQueue()
     for number in STOP_SIGNALS:
@@ -35,7 +36,7 @@ def run_until_stopped(program: str, body: Callable[[list, list, SimpleQueue], No
     """
     Run `body(own arguments, ROS arguments, stop)`; return 0, or 2 after one sentence on stderr for a user's mistake.
 
-    `stop` gets a None for every stop signal: `body` has to return soon after the first.
+    `stop` gets a None for every stop signal; `body` must return soon after the first one.
     """
     stop = catch_stop_signals()
     from ..command_line import exit_code
@@ -43,13 +44,13 @@ def run_until_stopped(program: str, body: Callable[[list, list, SimpleQueue], No
         given = sys.argv[1:] if arguments is None else arguments
         return exit_code(program, lambda: run_body(program, body, given, stop))
     finally:
-        # Python restores the deadly defaults before it is quite gone; a second Ctrl-C must not fall in between.
+        # Python restores the default handlers before it has ended. A second Ctrl-C must not end it in between.
         for number in STOP_SIGNALS:
             signal.signal(number, signal.SIG_IGN)
 
 
 def run_body(program: str, body, arguments: Sequence[str], stop: SimpleQueue) -> int:
-    """Run `body` with its arguments after a check that none of them is misplaced; return 0."""
+    """Check that no argument is misplaced, run `body` and return 0."""
     from .arguments import refuse_misplaced
     own, ros = split_arguments(arguments)
     refuse_misplaced(program, own, ros)
@@ -67,7 +68,7 @@ def wait_for(stop: SimpleQueue):
 
 
 def split_arguments(arguments: Sequence[str]) -> tuple[list, list]:
-    """Part a command line into an executable's own arguments and those of ROS: from each --ros-args to the next --."""
+    """Split a command line into own arguments and those of ROS, which go from each --ros-args to the next --."""
     own, ros = [], []
     part = own
     for argument in arguments:
@@ -93,7 +94,7 @@ def start_node(name: str, arguments: Sequence[str], ending: ExitStack):
     """
     Start ROS with these arguments and return a new rclpy node; `ending` will take both down.
 
-    Mistake where there is no ROS 2 or it does not take the arguments.
+    Mistake: ROS 2 cannot be loaded, or does not accept the arguments.
     """
     from ..errors import Mistake
     if not Path('DEFAULT_FASTRTPS_PROFILES.xml').exists():  # which Fast DDS uses by itself

@@ -23,17 +23,17 @@ class HoldUps:
 
     @property
     def total(self) -> int:
-        """Return the time, ns, of all such calls, with those that may have ended without their thread knowing yet."""
+        """Time, ns, of all such calls, including those still under way."""
         now = monotonic_ns()
         waiting = (now - begun for begun in tuple(self._under_way.values()))
         return self._ended + sum(time for time in waiting if time > SHORTEST_HOLD_UP)
 
     def any_since(self, total: int) -> bool:
-        """Tell whether a call has ended since `total` was that."""
+        """Whether a hold-up has ended since `total` had this value."""
         return self._ended != total
 
     def during(self, function, *arguments):
-        """Return what a function of the middleware returns, called here; from any thread."""
+        """Call a function of the middleware, from any thread, and return its result."""
         thread, begun = get_ident(), monotonic_ns()
         self._under_way[thread] = begun
         try:
@@ -43,10 +43,10 @@ class HoldUps:
             del self._under_way[thread]
 
     def ended(self, begun: int) -> None:
-        """Take a call that began at this time, ns, and has just ended."""
-        held = monotonic_ns() - begun
-        if held > SHORTEST_HOLD_UP:
-            self._ended += held
+        """Count a call that began at this time, ns, and has just ended."""
+        blocked = monotonic_ns() - begun
+        if blocked > SHORTEST_HOLD_UP:
+            self._ended += blocked
 
 
 class Publication:
@@ -55,15 +55,14 @@ class Publication:
 
     `values`: the node's parameters. `publishers`: key of OUTPUTS -> publisher. `log`: BackgroundLogWriter or None.
     `outcome`: rows for Simulation.advance, so that the kernel writes a tick's outcome straight into the message.
-    `stamp`: ns, and `message`: bytes, of the state last published or recorded. hold_ups: HoldUps, for all who publish
-    here.
+    `stamp`: ns, and `message`: bytes, of the state last published or recorded. hold_ups: the HoldUps of this process.
     """
 
     def __init__(self, simulation, values, publishers, log, pacing):
         self._simulation, self._log, self._pacing = simulation, log, pacing
         self._wall_minus_steady = pacing.wall_minus_steady
         self._state_topic, self._events_topic = publishers['state'].topic_name, publishers['events'].topic_name
-        # Publishers outlive the thread that publishes; the handles spare it half of what a message takes.
+        # Publishers outlive the thread that publishes. Through their handles a message takes half of the time.
         self._state, self._events = publishers['state'].handle, publishers['events'].handle
         self._clock = publishers.get('clock')
         self.layout = layout = JointStateLayout(simulation.chain.joint_names, values['frame_id'])
@@ -73,7 +72,7 @@ class Publication:
         self.ticks_per_state = round(values['rate'] / values['publish_rate'])
 
     def copy_state_into_message(self) -> None:
-        """Copy the simulation's state into the message, where no tick has just done so."""
+        """Copy the simulation's state into the message, as a tick does by itself."""
         layout, simulation = self.layout, self._simulation
         layout.position[:], layout.velocity[:] = simulation.position, simulation.velocity
         layout.effort[:] = simulation.effort
@@ -89,21 +88,21 @@ class Publication:
                 self._publish_clock(stamp, record)
             self._state.publish_raw(data)
             self.hold_ups.ended(now)
-        if record and self._log:   # the others wait, the log does not
+        if record and self._log:   # after publishing: subscribers wait for the message, the log does not
             self._log.write(self._state_topic, data, now + self._wall_minus_steady, stamp, tick)
         self.stamp = stamp
         if self._waiting:
             self.publish_events()
 
     def publish_events(self) -> None:
-        """Publish the events that wait: up to one a tick, so where nobody listens nothing is done."""
+        """Publish the waiting events, if anybody listens to them."""
         if self._events.get_subscription_count():
             for message in self._waiting:
                 self.hold_ups.during(self._events.publish_raw, message)
         self._waiting.clear()
 
     def _publish_clock(self, stamp: int, record: bool) -> None:
-        """Publish the time before the state that bears it, so that no listener sees a state from the future."""
+        """Publish the time before the state of that time, so that no state is ahead of the clock."""
         data = self._clock_layout.stamped(stamp)
         self._clock.publish(data)
         if record and self._log:
@@ -115,18 +114,18 @@ class Publication:
         self.publish_events()
 
     def record_event(self, message: bytes) -> None:
-        """Record an encoded event, and publish it when the next state is out, which must not wait."""
+        """Record an encoded event, and publish it after the next state, which must not wait for it."""
         self._waiting.append(message)
         if self._log:
             now = monotonic_ns() + self._wall_minus_steady
             self._log.write(self._events_topic, message, now, now)
 
     def record_command(self, topic: str, data: bytes, source_time: int) -> None:
-        """Record a command as it came; a sender whose clock is before 1970 or, as DDS counts, past 2038 has no time."""
+        """Record a command as it came; a sender whose clock is outside 1970 to 2038 has no valid `source_time`."""
         if self._log:
             now = monotonic_ns() + self._wall_minus_steady
             self._log.write(topic, data, now, source_time if source_time >= 0 else now)
 
     def has_listeners(self) -> bool:
-        """Tell whether anybody listens to the states."""
+        """Whether anybody listens to the states."""
         return self._state.get_subscription_count() > 0

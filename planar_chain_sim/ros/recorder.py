@@ -1,4 +1,4 @@
-"""The log of a live run: a channel for every topic of the node, the chain, and what else a re-run takes."""
+"""The log of a live run: a channel for every topic of the node, the chain, and all else that a re-run needs."""
 from __future__ import annotations
 
 from .messages import INPUTS, OUTPUTS

@@ -21,7 +21,7 @@ LONGEST = 1e9       # s that a pass may take
 
 
 def main(arguments=None) -> int:
-    """Run the executable: the handlers of SIGINT and SIGTERM first, nothing heavy is imported before."""
+    """Run the executable. Its stop signals are handled before anything heavy is imported."""
     return run_until_stopped('replay', replay, arguments)
 
 
@@ -40,12 +40,12 @@ def replay(own_arguments, ros_arguments, stop) -> None:
             return
         while not play(log, publishers, options, stop):
             if not options.loop:
-                let_arrive(publishers)
+                wait_until_delivered(publishers)
                 return
 
 
 def printable(name: str) -> str:
-    """Return a file's name as ROS can print it, which takes no bytes that are no UTF-8."""
+    """Return a file's name as ROS can print it: in valid UTF-8."""
     return name.encode(errors='backslashreplace').decode()
 
 
@@ -73,7 +73,7 @@ def parse(arguments):
 
 
 def find_topics(log, options) -> dict[str, str]:
-    """Return topic -> type of what is to be published after --start; Mistake if that is nothing."""
+    """Return topic -> type of the messages to publish after --start; Mistake if there are none."""
     from .messages import INPUTS
     from ..errors import Mistake
     command_types = {row.type_name for row in INPUTS.values()}
@@ -116,9 +116,9 @@ def create_publisher(node, topic: str, type_name: str):
 def wait_for_listeners(node, publishers, seconds: float, stop) -> bool:
     """Wait until somebody listens on every topic, `seconds` at most; return whether we are to stop."""
     end = monotonic() + seconds
-    while deaf := [publisher.topic_name for publisher in publishers.values() if not publisher.get_subscription_count()]:
+    while unheard := [each.topic_name for each in publishers.values() if not each.get_subscription_count()]:
         if monotonic() >= end:
-            node.get_logger().warning(f'nobody listens on {", ".join(deaf)}')
+            node.get_logger().warning(f'nobody listens on {", ".join(unheard)}')
             return False
         if stopped_within(LOOK_PERIOD, stop):
             return True
@@ -138,8 +138,8 @@ def play(log, publishers, options, stop) -> bool:
     return stopped_within(max(due - monotonic(), LOOK_PERIOD), stop)
 
 
-def let_arrive(publishers) -> None:
-    """Wait until all listeners have the last message: a publisher that goes takes along what it has not delivered."""
+def wait_until_delivered(publishers) -> None:
+    """Wait until all listeners have the last message: a publisher that ends drops what it has not delivered."""
     from rclpy.duration import Duration
     for publisher in publishers.values():
         publisher.wait_for_all_acked(Duration(seconds=1.0))

@@ -9,12 +9,12 @@ from time import monotonic_ns
 from typing import Callable, Optional
 
 ANSWER_TIMEOUT = 2.0   # s
-LAST_CHANCE = 0.05     # s for the answer to a request that comes in the midst of a long tick
+LAST_CHANCE = 0.05     # s for the answer to a request that comes during a long tick
 ENDING = 'the simulation is ending'
 
 
 class Request:
-    """Work for the tick thread and the queue for its answer; `late`: who made it no longer waits."""
+    """Work for the tick thread and the queue for its answer; `late`: the caller no longer waits."""
 
     def __init__(self, name: str, work: Callable):
         self.name, self.work, self.reply, self.late = name, work, SimpleQueue(), False
@@ -42,15 +42,15 @@ class Requests:
         return '' if since is None else f'a tick is under way for {(monotonic_ns() - since) * 1e-9:.1f} s'
 
     def end(self) -> None:
-        """Answer no more."""
+        """Refuse all further requests."""
         self._ended = True
 
     def ask(self, name: str, work: Callable, timeout: float, withdraw: bool):
         """
-        Have `work()` done between two ticks and return its answer, (success, sentence or result).
+        Let the tick thread call `work()` between two ticks; return its answer, (success, sentence or result).
 
-        Where the tick under way takes longer than `timeout`, s, counted from its beginning, the answer is (False, so).
-        The work is done after that tick and its answer logged, unless it is to be withdrawn.
+        If the tick under way takes longer than `timeout`, s, counted from its beginning, the answer is (False,
+        sentence). The work is then done after that tick and its answer logged, or not done at all if `withdraw`.
         """
         request = Request(name, work)
         self._waiting.append(request)
@@ -71,11 +71,11 @@ class Requests:
                 self._waiting.remove(request)
                 return False, f'not done: the simulation is in a tick that takes longer than {timeout:g} s'
             except ValueError:
-                request.late = True   # it is being done, and that takes no tick
+                request.late = True   # it is being served already, which takes no tick
         return False, ENDING
 
     def answer(self, log: Callable[[str], None]) -> None:
-        """Do what waits; `log(sentence)` has the answers for which nobody waits any more."""
+        """Serve the waiting requests; `log(sentence)` takes the answers for which nobody waits any more."""
         while self._waiting:
             try:
                 request = self._waiting.popleft()
@@ -88,7 +88,7 @@ class Requests:
 
     @staticmethod
     def _leave(request: Request):
-        """Stop waiting for an answer; the log will have it."""
+        """Stop waiting for an answer, which then goes to the log."""
         request.late = True
         try:
             return request.reply.get_nowait()
@@ -99,10 +99,10 @@ class Requests:
 
 def between_ticks(method: Optional[Callable] = None, *, timeout: float = ANSWER_TIMEOUT, withdraw: bool = False):
     """
-    Let a method, which returns (success, sentence or result), be called from any thread.
+    Make a method, which returns (success, sentence or result), callable from any thread.
 
-    It runs in the tick thread, between two ticks; there it is called at once. `timeout`, `withdraw`: of Requests.ask.
-    The owner has its Requests as `requests`.
+    It always runs in the tick thread, between two ticks. `timeout`, `withdraw`: of Requests.ask. The method's object
+    has its Requests as `requests`.
     """
     if method is None:
         return lambda method: between_ticks(method, timeout=timeout, withdraw=withdraw)

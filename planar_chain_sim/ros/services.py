@@ -1,4 +1,4 @@
-"""The node's services and whatever else may take its time, in threads of its own so that no tick waits for it."""
+"""The node's services and everything else that need not keep time, in threads of their own, so that no tick waits."""
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
@@ -13,12 +13,12 @@ from std_srvs.srv import SetBool, Trigger
 
 from .standard_services import create_standard_services
 
-LAST_TURNS = 8   # of the executor, for answers in hand that had let others have a turn
-LAST_ANSWERS = 1.0   # s, for those that wait when the node ends
+LAST_TURNS = 8   # turns of the executor for answers that have begun
+LAST_ANSWERS = 1.0   # s, for answers that wait for the tick thread when the node ends
 
 
 class _Turn:
-    """Awaited by a coroutine that gives others a turn in the same executor."""
+    """A coroutine awaits this to let others run in the same executor."""
 
     def __await__(self):
         yield
@@ -26,10 +26,10 @@ class _Turn:
 
 class ServiceThread:
     """
-    Serves ~/reset, ~/step and ~/pause of a Simulator, and all else the node itself offers, between start() and stop().
+    Serves ~/reset, ~/step and ~/pause of a Simulator, and what the node itself offers, between start() and stop().
 
-    What asks the simulator waits in a second thread, in the order in which it came, while the others are served.
-    `done(error)` is called when a thread cannot go on, `done(None)` when somebody wants the process to end.
+    Requests to the simulator wait in a second thread, in the order in which they came, while other services answer.
+    `done(error)` is called when a thread cannot go on, `done(None)` when a client asks the process to end.
     """
 
     def __init__(self, node, simulator, done):
@@ -40,18 +40,18 @@ class ServiceThread:
                                         ('step', Trigger, lambda request: simulator.step()),
                                         ('pause', SetBool, lambda request: simulator.pause(request.data))):
             node.create_service(service_type, f'~/{name}', self._answering(ask), callback_group=self._group)
-        self._clock = Clock(clock_type=ClockType.STEADY_TIME)  # the ROS clock may be ours to move, or stand still
+        self._clock = Clock(clock_type=ClockType.STEADY_TIME)  # the ROS clock may be this node, or stand still
         self._executor = SingleThreadedExecutor()
         create_standard_services(node, simulator, self._group, lambda: done(None), self._ask)
         self._executor.add_node(node)
         self._thread = Thread(target=self._spin, name='services', daemon=True)
 
     def every(self, period: float, work) -> None:
-        """Have `work()` done every `period` s of wall time, which must not ask the simulator."""
+        """Call `work()`, which must not make requests to the simulator, every `period` s of wall time."""
         self._node.create_timer(period, work, clock=self._clock)
 
     def ask_every(self, period: float, work) -> None:
-        """Have `work()` done every `period` s of wall time, which may ask the simulator."""
+        """Call `work()`, which may make requests to the simulator, every `period` s of wall time."""
         async def ask():
             await self._ask(work)
         self._node.create_timer(period, ask, MutuallyExclusiveCallbackGroup(), self._clock)
@@ -64,7 +64,7 @@ class ServiceThread:
         self._thread.start()
 
     def stop(self) -> None:
-        """Finish the answers in hand and end the thread; the executor goes last, it is not made for races."""
+        """Finish the answers that have begun, end the threads, and then shut down the executor, which has no lock."""
         self._stopping = True
         self._executor.create_task(lambda: None)  # something to do, so that the wait ends
         self._thread.join()
@@ -84,7 +84,7 @@ class ServiceThread:
             self._done(error)
 
     async def _ask(self, function, *arguments):
-        """Return what a function returns that may have to wait for the tick thread."""
+        """Call a function that may wait for the tick thread, and return its result."""
         self._waiting += 1
         try:
             asked = self._asking.submit(function, *arguments)
@@ -96,7 +96,7 @@ class ServiceThread:
             self._waiting -= 1
 
     def _asked(self, callback):
-        """Return a service's callback that runs where it may wait."""
+        """Return a service's callback as one that runs in the second thread, where it may wait."""
         async def wait(request, response):
             return await self._ask(callback, request, response)
         return wait

@@ -1,4 +1,4 @@
-"""What other threads may ask of the simulation: each request acts between two ticks, and is an event with its tick."""
+"""The requests that other threads may make: each acts between two ticks and is an event with its tick."""
 from __future__ import annotations
 
 from time import monotonic_ns
@@ -9,17 +9,17 @@ from ..chain.quantities import QUANTITIES, to_json
 from ..errors import ChainError
 from ..recording.events import apply_event
 
-MEASURE_TIMEOUT = 0.5  # s: others must not wait behind diagnostics
-STEP_SLICE = 20_000_000  # ns of steps between two looks at what else is asked
+MEASURE_TIMEOUT = 0.5  # s: other requests must not wait behind diagnostics
+STEP_SLICE = 20_000_000  # ns of steps before other requests get their turn
 
 
 class Simulator(TickThread):
     """
     A TickThread with its requests, for any thread.
 
-    Each returns (success, sentence or result). Where a tick takes longer than ANSWER_TIMEOUT the answer says so; the
+    Each returns (success, sentence or result). If a tick takes longer than ANSWER_TIMEOUT, the answer says so; the
     work is done after that tick, but set_parameters, measure and ignore are withdrawn.
-    overruled: how often somebody has paused, resumed or reset: who steps on gives way.
+    overruled: number of pauses, resumes and resets; each of them ends stepping that is under way.
     """
 
     def __init__(self, *arguments):
@@ -57,7 +57,7 @@ class Simulator(TickThread):
 
     @between_ticks
     def step_on(self, ticks: int, overruled: int) -> tuple[bool, object]:
-        """Make at most so many ticks, and return how many; `overruled`: as it was when that was asked for first."""
+        """Make at most `ticks` ticks and return their number; `overruled`: its value at the first of several calls."""
         if self._end:
             return False, f'not stepped: {self._end}'
         if not self._paused:
@@ -92,7 +92,7 @@ class Simulator(TickThread):
 
     @between_ticks(withdraw=True)   # so that a parameter reads as it acts
     def set_parameters(self, values: dict) -> tuple[bool, str]:
-        """Let all values act from this tick on, or none of them where one cannot be."""
+        """Set all values from this tick on, or none of them if one is impossible."""
         simulation, changes = self._simulation, []
         moving = [name for name in values if name in QUANTITIES or name == 'payload_mass']
         before = simulation.checkpoint() if moving else None
@@ -114,7 +114,7 @@ class Simulator(TickThread):
             self._pacing.set_period(self._period(), simulation.tick, monotonic_ns())
         for kind, data in changes:
             if kind == 'payload':
-                data['plan'] = simulation.plan   # made anew
+                data['plan'] = simulation.plan   # of the chain with the payload
             self._publication.publish_event(kind, **data)
         return True, f'{", ".join(values)}: from tick {simulation.tick} on'
 

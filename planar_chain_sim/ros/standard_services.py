@@ -2,7 +2,7 @@
 The services and the action of `simulation_interfaces`, where that package is installed: what every simulator offers.
 
 Numbers and fields are those of its message definitions (version 1, the same on Jazzy and later). Time is never reset:
-it would jump back and stop whoever listens.
+it would jump back, and listeners would stop.
 """
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ class StandardServices:
         return response
 
     async def reset(self, request, response):
-        """Put back the initial state; a scope that names time or spawned things, and not all, is not supported."""
+        """Restore the initial state; the scopes of time or of spawned entities alone are not supported."""
         if request.scope in (SCOPE_DEFAULT, SCOPE_STATE, SCOPE_ALL):
             return _answer(response, *await self._ask(self._simulator.reset))
         return _fail(response, FEATURE_UNSUPPORTED, f'scope {request.scope} is not supported, must be STATE '
                      f'({SCOPE_STATE}) or ALL ({SCOPE_ALL})')
 
     async def step(self, request, response):
-        """Step this many ticks, while paused; whoever pauses, resumes or resets meanwhile ends it."""
+        """Step this many ticks, while paused; a pause, resume or reset meanwhile ends it."""
         total, completed, overruled = request.steps, 0, self._simulator.overruled
         while completed < total:
             done, result = await self._ask(self._simulator.step_on, total - completed, overruled)

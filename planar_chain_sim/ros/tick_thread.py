@@ -1,9 +1,9 @@
 """
 The simulation in real time: one thread owns ticks, state and efforts.
 
-At the wake-up for tick k+1 the newest commands are taken, the motion from k to k+1 is integrated with them, the state
-at k+1 is published and recorded. What decides the motion besides (reset, a changed parameter, lost time) is an event
-with its tick.
+When tick k+1 is due, this thread takes the newest commands, integrates the motion from k to k+1 with them, and
+publishes and records the state at k+1. Everything else that changes the motion (a reset, a changed parameter) is an
+event with its tick.
 """
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from ..recording.events import apply_event, encode_command, encode_joint_event, 
 
 CHECK_PERIOD = 20_000_000  # ns between two checks of who publishes commands, and of the log
 LONGEST_SLEEP = 10_000_000  # ns; a request or a stop is noticed after at most this, whatever the rate
-LONGEST_BACKLOG = 20_000  # messages; as fast as possible is no faster than the disk
-LONGEST_SILENCE = 1_000_000_000   # ns between two states while time stands, for those who come late
+LONGEST_BACKLOG = 20_000  # messages; with more, a run as fast as possible waits for the disk
+LONGEST_SILENCE = 1_000_000_000   # ns between two states while time stands still, for new subscribers
 
 
 def payload_of(values, simulation) -> dict:
-    """Return the change 'payload' that the node's parameters ask for; its name is none of a body of the chain."""
+    """Return the data of the event 'payload' for the node's parameters, under a name that no body of the chain has."""
     bodies, name = {body.name for body in simulation.chain.bodies}.difference(simulation.payloads), 'payload'
     while name in bodies:
         name += '_'
@@ -40,10 +40,10 @@ class TickThread:
     """
     Runs `simulation` (fresh, at its initial state) in a thread of its own between start() and stop().
 
-    `values`: the node's parameters; those that differ from the chain's own were put into it already and are published
-    as events of tick 0. `publishers`: key of OUTPUTS -> publisher. `inputs`: key of INPUTS -> polled subscription.
-    `context`: of rclpy. `log`: BackgroundLogWriter or None. `done(error)` is called when the thread cannot go on.
-    hold_ups: HoldUps, by which all who publish in this process do so. requests: Requests of other threads.
+    `values`: the node's parameters; the chain has them already, and they are published as events of tick 0.
+    `publishers`: key of OUTPUTS -> publisher. `inputs`: key of INPUTS -> polled subscription. `context`: of rclpy.
+    `log`: BackgroundLogWriter or None. `done(error)` is called when the thread cannot go on. hold_ups: the HoldUps
+    through which everything in this process publishes. requests: Requests of other threads.
     """
 
     def __init__(self, simulation, values, publishers, inputs, context, log, logger, done):
@@ -53,11 +53,11 @@ class TickThread:
         self._pacing = Pacing(self._period(), time_ns() - monotonic_ns(), step)
         self._publication = Publication(simulation, values, publishers, log, self._pacing)
         self.hold_ups = self._publication.hold_ups
-        self._made_up = self._reported = 0  # ns of the hold-ups: of those caught up with; of the others, reported
+        self._caught_up = self._reported = 0  # ns of hold-ups: those already caught up with; those reported since
         self._intake = CommandIntake(simulation.chain, values['commanded_joints'], inputs, context, self._publication,
                                      self._warn)
         self._held = self._intake.held
-        self._wrenches = {}  # body -> the change 'wrench' that made what acts on it
+        self._wrenches = {}  # body -> data of its newest event 'wrench'
         self._meter = Meter(simulation, self._publication.layout)
         self._has_joint_events = simulation.has_events
         self._paused, self._end = values['start_paused'], None
@@ -71,14 +71,14 @@ class TickThread:
         self._thread.start()
 
     def halt(self) -> None:
-        """Let the thread end, within some milliseconds and at a whole tick, and answer no more."""
+        """Make the thread end at a whole tick, within some milliseconds; further requests are refused."""
         self._stopping = True
         self.requests.end()
         self._simulation.interrupt()
         self._intake.wake()
 
     def stop(self) -> None:
-        """End the thread as halt() does, and wait for it."""
+        """Call halt() and wait until the thread has ended."""
         self.halt()
         if self._thread.ident:
             self._intake.wake()
@@ -87,7 +87,7 @@ class TickThread:
 
     @property
     def paused(self) -> bool:
-        """Whether time stands because somebody wants it to."""
+        """Whether the simulation is paused."""
         return self._paused
 
     @property
@@ -110,7 +110,7 @@ class TickThread:
             wake_punctually()
             self._run()
         except Interrupted:
-            pass   # by halt()
+            pass   # halt() was called
         except BaseException as error:
             self._done(error)
 
@@ -140,7 +140,7 @@ class TickThread:
                 self._wait_or_tick(now)
 
     def _repeat_state(self, now: int) -> None:
-        """Publish the state that stands, again and again, and take commands for when it goes on."""
+        """Publish the unchanged state when it is due again, and take commands that will act when time goes on."""
         if now < self._repeat_due:
             sleep(min(self._repeat_due - now, LONGEST_SLEEP) * 1e-9)
             return
@@ -149,7 +149,7 @@ class TickThread:
             self._intake.ignore(topic, 'motion ended', f'a message on {topic} has no effect, as the motion has ended '
                                 f'({self._end}); ~/reset goes on from the initial state')
         self._intake.fresh.clear()
-        period = round(1e9 * self._simulation.step * self._publication.ticks_per_state)   # of the wall, at any pace
+        period = round(1e9 * self._simulation.step * self._publication.ticks_per_state)   # wall time, at any pace
         self._repeat_due = now + min(period, LONGEST_SILENCE)
         self._publish_state(record=False)
 
@@ -165,7 +165,7 @@ class TickThread:
         if now < due:
             if due - now > LONGEST_SLEEP and now >= self._take_due:
                 self._take_due = now + CHECK_PERIOD
-                self._take_commands()  # so that a command is reported before its tick comes, which may be in hours
+                self._take_commands()  # reports a command before its tick, which may be hours away
                 self._publication.publish_events()
             sleep(min(due - now, LONGEST_SLEEP) * 1e-9)
             now = monotonic_ns()
@@ -175,14 +175,14 @@ class TickThread:
         self._meter.add_lateness(late, pacing.period)
         if late > LONGEST_LATENESS:
             self._judge_lateness(now, late)
-        elif late < pacing.period and self.hold_ups.any_since(self._made_up):
-            self._made_up, self._reported = self.hold_ups.total, 0
+        elif late < pacing.period and self.hold_ups.any_since(self._caught_up):
+            self._caught_up, self._reported = self.hold_ups.total, 0
         self._take_commands()
         self._tick()
 
     def _judge_lateness(self, now: int, late: int) -> None:
         """Catch up with lateness that the middleware has caused, however long; drop any other."""
-        held_up = self.hold_ups.total - self._made_up
+        held_up = self.hold_ups.total - self._caught_up
         if held_up > self._reported:
             self._publication.publish_event('held_up', seconds=(held_up - self._reported) * 1e-9)
             self._warn('held up', f'the middleware held up publishing for {held_up * 1e-9:.3f} s, as happens when '
@@ -192,14 +192,14 @@ class TickThread:
             self._drop_time(now)
 
     def _drop_time(self, now: int) -> None:
-        """Give up what is too late to be caught up; the tick that is due is due now."""
+        """Drop the time by which the next tick is late: it becomes due now."""
         late = self._pacing.drop(self._simulation.tick + 1, now) * 1e-9
         self._meter.add_dropped(late)
         self._publication.publish_event('dropped_time', seconds=late)
         self._warn('late', f'{late:.3f} s late and dropped, the machine cannot keep up')
 
     def _tick(self, publish: bool = False) -> bool:
-        """Advance one tick and publish its state; where the motion ends keep the last good state and return False."""
+        """Advance one tick and publish its state; return False if the motion ends, at the last good state."""
         publication, simulation = self._publication, self._simulation
         self.requests.in_tick_since = monotonic_ns()
         try:
@@ -208,7 +208,7 @@ class TickThread:
             self.requests.in_tick_since = None
             self._record_joint_events()
             self._end = error
-            self._intake.fresh.clear()   # that came before
+            self._intake.fresh.clear()   # they came before the end
             kind, data = end_event(error)
             publication.publish_event(kind, **data)
             self._logger.error(f'{error}; ~/reset goes on from the initial state')
@@ -221,7 +221,7 @@ class TickThread:
         return True
 
     def _record_joint_events(self) -> None:
-        """Record what happened at stops and to joints with friction, each at its time behind the tick before."""
+        """Record the events of stops and friction during the tick just made."""
         for event in self._simulation.take_events():
             self._publication.record_event(encode_joint_event(event))
 
@@ -229,7 +229,7 @@ class TickThread:
         self._publication.publish_state(record, publish)
 
     def _take_commands(self) -> None:
-        """Take the commands that have come, let joints that were commanded too long ago go, and record both."""
+        """Take the commands that have come, and set efforts that have timed out to zero; record both."""
         tick, timeout = self._simulation.tick, self._values['command_timeout']
         topic = self._intake.take_commands(tick)
         if topic:
@@ -246,7 +246,7 @@ class TickThread:
                            'effort is zero now')
 
     def _apply_wrenches(self) -> None:
-        """Let the wrenches that have come act from now on, and publish each that differs from the one before."""
+        """Apply the wrenches that have come, and publish an event for each that differs from the one before."""
         wrenches = self._intake.wrenches
         while wrenches:
             body, wrench = wrenches.popitem()
@@ -257,16 +257,16 @@ class TickThread:
                 self._publication.publish_event('wrench', **wrench)
 
     def _record_command(self, topic: str) -> None:
-        """Record the efforts that act from now on, which a command on `topic` has changed."""
+        """Record the efforts that act from now on; a command on `topic` has changed them."""
         self._publication.record_event(encode_command(self._simulation.tick, topic, self._held.effort))
 
     def _check_publishers(self) -> None:
-        """Check whether a publisher of commands is left; this takes too long to be done at every tick."""
+        """Check whether commands still have a publisher; this takes too long for every tick."""
         begun = monotonic_ns()
         self._intake.check_publishers()
         self.hold_ups.ended(begun)
         if self._held.commanded and not self._intake.commanded and self._values['on_controller_loss'] == 'zero':
-            self._take_commands()  # sent before the publisher left
+            self._take_commands()  # those sent before the publisher left
             self._clear_commands()
             self._publication.publish_event('controller_loss', effort=self._held.effort.tolist())
             self._logger.warning('the last publisher of commands has gone, efforts are zero now')
@@ -288,7 +288,7 @@ class TickThread:
         self._held.clear()
 
     def _warn(self, key, sentence: str) -> bool:
-        """Log a warning, at most once a second for each key; return whether it was."""
+        """Log a warning, at most once a second for each key; return whether it was logged."""
         now = monotonic_ns()
         if now < self._warned.get(key, 0):
             return False

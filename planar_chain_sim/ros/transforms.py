@@ -10,7 +10,7 @@ PERIOD = 1.0 / 50.0  # s
 
 
 def check_installed() -> None:
-    """Raise the Mistake that says what is missing where TF cannot be published."""
+    """Raise Mistake if TF cannot be published."""
     try:
         import tf2_msgs.msg  # noqa: F401
     except ImportError:

@@ -1,4 +1,4 @@
-"""Wrenches on bodies: what a message asks of which body, what is refused."""
+"""Wrenches on bodies: reading and checking of messages."""
 from __future__ import annotations
 
 from math import isfinite
@@ -16,11 +16,11 @@ class WrenchReader:
 
     def read(self, data: bytes) -> tuple[dict, str]:
         """
-        Return what a geometry_msgs/msg/WrenchStamped (CDR) does, as the change 'wrench' has it, and what has no effect.
+        Return the data of the event 'wrench' for a geometry_msgs/msg/WrenchStamped (CDR), and what has no effect.
 
-        Its frame is a body's: x and y in the plane, the force at the body's joint point. Components out
-        of the plane have no effect; the second value says so, or is ''. CommandError on malformed bytes, another frame,
-        a value that is not finite.
+        Its frame is that of a body: x and y in the plane, the force at the body's joint point. Components out of the
+        plane have no effect; the second value says so, or is ''. CommandError: malformed bytes, another frame, a value
+        that is not finite.
         """
         if len(data) > LONGEST_MESSAGE:
             raise CommandError('too long', f'it has {len(data)} bytes, must have at most {LONGEST_MESSAGE}')

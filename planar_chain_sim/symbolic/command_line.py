@@ -20,7 +20,7 @@ from ..errors import Mistake
 
 FORMATS = {'text': text_document, 'latex': latex_document, 'json': json_document}
 PICTURES = ('.png', '.svg')
-QUANTITIES = ('position', 'velocity', 'effort')
+PARTS = ('position', 'velocity', 'effort')
 
 
 def main(arguments=None) -> int:
@@ -117,10 +117,10 @@ def read_state(text: str, chain: Chain) -> tuple:
     """Return position, velocity, effort (joints,) from 'P/V/E', numbers joined by commas; Mistake if they are not."""
     fields = text.split('/')
     wanted = f"must be 'initial' or {chain.joint_count} positions, /velocities, /efforts, numbers joined by commas"
-    if len(fields) > len(QUANTITIES):
+    if len(fields) > len(PARTS):
         raise Mistake(f'--state {clipped(text)!r} has {len(fields)} parts, {wanted}')
     rows = []
-    for quantity, field in zip(QUANTITIES, fields):
+    for quantity, field in zip(PARTS, fields):
         try:
             values = [float(number) for number in field.split(',')]
         except ValueError as error:
@@ -133,7 +133,7 @@ def read_state(text: str, chain: Chain) -> tuple:
             raise Mistake(f'--state {clipped(text)!r}: {quantity} has a number that is not finite, must be finite')
         rows.append(np.array(values))
     zero = np.zeros(chain.joint_count)
-    return tuple(rows[k] if k < len(rows) else zero for k in range(len(QUANTITIES)))
+    return tuple(rows[k] if k < len(rows) else zero for k in range(len(PARTS)))
 
 
 def _draw(made: Equations, chosen, at, title: str, path: str) -> None:

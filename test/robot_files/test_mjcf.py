@@ -349,7 +349,7 @@ def test_what_has_no_part_in_the_motion_is_listed(parts, unused):
 def test_hold_makes_a_plane_of_what_has_one_joint_too_many():
     text = pendulum(inner='<joint name="odd" axis="1 0 0" armature="1"/>')
     chain, note = read(text, 'odd')
-    assert chain.joint_names == ('hinge',) and "held: 'odd' at 0" in note
+    assert chain.joint_names == ('hinge',) and "welded: 'odd' at 0" in note
     plain, _ = read(pendulum())
     assert chain.joints == plain.joints
     assert pcs.forward_dynamics(chain, [0.3], [0.5], [1.0]) == pytest.approx(
@@ -357,7 +357,7 @@ def test_hold_makes_a_plane_of_what_has_one_joint_too_many():
     assert "hold names 'ood'" in refusal(text, 'ood')
     text = text.replace('</mujoco>', '<actuator><motor joint="hinge"/></actuator></mujoco>')
     assert 'without a motor' not in read(text, 'odd')[1]
-    assert "held: 'odd' at 0.523599" in read(text, 'odd=30deg')[1]
+    assert "welded: 'odd' at 0.523599" in read(text, 'odd=30deg')[1]
     slide = text.replace('name="odd" axis="1 0 0"', 'name="odd" type="slide"')
     assert "hold gives '30deg' to joint 'odd', must be a number (m), as it slides" in refusal(slide, 'odd=30deg')
 

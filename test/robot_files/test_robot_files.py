@@ -206,18 +206,18 @@ def test_the_mass_of_the_root_and_a_missing_inertia_are_told():
     ({'more': '<gazebo><plugin filename="libignition-gazebo-detachable-joint-system.so"><parent_link>b</parent_link>'
               '<child_link>stand</child_link></plugin></gazebo>'}, "DetachableJoint 'libignition-gazebo-det"),
     ({'more': '<gazebo><plugin name="p"><joint>s</joint><mimicJoint>e</mimicJoint></plugin></gazebo>'},
-     "joint 'e' mimics 's', must move on its own or be held"),
+     "joint 'e' mimics 's', must move on its own or be welded"),
     ({'more': '<ros2_control><joint name="e"><param name="mimic">s</param><param name="multiplier">1</param></joint>'
-              '</ros2_control>'}, "joint 'e' mimics 's', must move on its own or be held"),
+              '</ros2_control>'}, "joint 'e' mimics 's', must move on its own or be welded"),
     ({'more': '<ros2_control><joint name="e" mimic="true"/></ros2_control>'},
-     "joint 'e' mimics a joint that it does not name, must move on its own or be held (hold 'e')"),
+     "joint 'e' mimics a joint that it does not name, must move on its own or be welded (hold 'e')"),
     ({'in_e': '<mimic joint="S"/>'}, "joint 'e' mimics 'S', which the robot does not have (did you mean 's'?), must "
-                                     "move on its own or be held (hold 'e')"),
+                                     "move on its own or be welded (hold 'e')"),
     ({'in_e': '<axis/></joint><joint name="e&#10;f" type="fixed">'}, "line 7 has the name 'e\\nf', must"),
     ({'in_a': '<inertial><origin xyz="1e300 0 0"/><mass value="1"/></inertial>'}, "link 'a': center_of_mass is too"),
-    ({'in_e': '<mimic joint="s" multiplier="-0.5"/>'}, "joint 'e' mimics 's', must move on its own or be held"),
+    ({'in_e': '<mimic joint="s" multiplier="-0.5"/>'}, "joint 'e' mimics 's', must move on its own or be welded"),
     ({'kind': 'floating'}, "joint 'e' is of type 'floating', must be one of fixed, continuous, revolute, prismatic, "
-                           "or be held where it is (hold 'e')"),
+                           "or be welded where it is (hold 'e')"),
     ({'more': '<link name="c"/><joint name="f" type="fixed"><parent link="c"/><child link="lost"/></joint>'
               '<link name="lost"/>'}, "has 2 links that no joint carries, 'stand', 'c', must be one tree"),
     ({'more': '<link name="c"/><joint name="f" type="revolute"><parent link="b"/><child link="c"/><axis xyz="0 1 0"/>'
@@ -250,13 +250,13 @@ def welded(text: str, joint: str) -> str:
 
 
 def test_a_joint_that_leaves_the_plane_of_the_others_is_named_and_can_be_held():
-    assert ("joint 's' turns about another direction than 'e', 'w': the robot is not planar, must be held there to "
+    assert ("joint 's' turns about another direction than 'e', 'w': the robot is not planar, must be welded there to "
             "make it so (hold 's')") in refusal(YAWING)
     chain, note, _ = load(YAWING, ['s'])
-    assert chain.joint_names == ('e', 'w') and "held: 's' at 0" in note
+    assert chain.joint_names == ('e', 'w') and "welded: 's' at 0" in note
     agrees(YAWING, chain, 0, held=welded(YAWING, 's'))
     turned, note, _ = load(YAWING, {'s': 0.7})   # turns the plane about gravity
-    assert "held: 's' at 0.7" in note and 'x along (0.765, 0.644, 0)' in note
+    assert "welded: 's' at 0.7" in note and 'x along (0.765, 0.644, 0)' in note
     np.testing.assert_allclose(pcs.forward_dynamics(turned, *STATE), pcs.forward_dynamics(chain, *STATE), rtol=1e-12)
     assert chain_from_text(chain.source) == chain and load(YAWING, 's=0.7')[0] == turned
 
@@ -292,7 +292,7 @@ def test_what_mimics_a_held_joint_is_held_with_it(in_e, plugin):
     mimicking = arm(in_e=in_e, more=plugin + third)
     assert "joint 'e' mimics 's'" in refusal(mimicking)
     chain, note, _ = load(mimicking, {'s': 0.4})
-    assert "held: 's' at 0.4, 'e' at -0.1" in note and chain.joint_names == ('w',)
+    assert "welded: 's' at 0.4, 'e' at -0.1" in note and chain.joint_names == ('w',)
     assert load(mimicking, {'e': None})[0].joint_names == ('s', 'w')
 
 
@@ -323,7 +323,7 @@ def test_what_moves_no_mass_is_named_all_at_once():
     tips = ''.join(f'<link name="c{k}"/><joint name="f{k}" type="prismatic"><parent link="b"/><child link="c{k}"/>'
                    '<axis xyz="0 0 1"/></joint>' for k in (1, 2))
     assert ("joints 'f1', 'f2' move no mass, as links 'c1', 'c2' and what they carry have none, must move some or be "
-            "held (hold 'f1', 'f2')") in refusal(arm(more=tips))
+            "welded (hold 'f1', 'f2')") in refusal(arm(more=tips))
     assert load(arm(more=tips), ['f1', 'f2'])[0].joint_names == ('s', 'e')
     bare = re.sub('<inertial>.*?</inertial>', '', arm())
     assert refusal(bare) == 'r.urdf: has no link with a mass (element inertial), must have one to move'
@@ -356,7 +356,7 @@ def test_gantries():
 
 @pytest.mark.parametrize('hold', ['s=90deg', ['s=pi/2', 's=90 deg'][:1], {'s': '90 deg'}, ['s=0.5*pi', 's=0.5*pi']])
 def test_angles_as_text_are_held(hold):
-    """As for --position: at a joint that turns, in every way to say what is held."""
+    """As for --position: at a joint that turns, in every way to say what is welded."""
     assert load(YAWING, hold) == load(YAWING, {'s': pi / 2})
     chain = pcs.load_chain('four_link_robot.yaml', hold={'forearm_joint': '-30 deg'})
     assert chain == pcs.load_chain('four_link_robot.yaml', hold={'forearm_joint': -pi / 6})
@@ -396,7 +396,7 @@ def test_floating_bases_are_held_where_they_are():
                     '</joint>')
     assert "joint 'root' is of type 'floating'" in refusal(text)
     np.testing.assert_allclose(pcs.forward_dynamics(load(text, 'root')[0], *STATE), ACCELERATION, rtol=0, atol=1e-9)
-    assert "of type 'floating', must be held without a value" in refusal(text, {'root': 1.0})
+    assert "of type 'floating', must be welded without a value" in refusal(text, {'root': 1.0})
 
 
 def test_joints_of_a_yaml_chain_are_held():
@@ -433,7 +433,7 @@ def test_executables_tell_of_the_file_and_hold_joints(tmp_path, capsys):
     assert capsys.readouterr().err.count('\n') == 1 and not log.exists()
     assert rollout.main([str(robot), '--hold', 's=0.7', '--duration', '0.1', '--output', str(log)]) == 0
     told = capsys.readouterr().err
-    assert f"rollout: note: {robot}: joints 'e', 'w'; plane with x along" in told and "held: 's' at 0.7" in told
+    assert f"rollout: note: {robot}: joints 'e', 'w'; plane with x along" in told and "welded: 's' at 0.7" in told
     assert resimulation.main([str(log)]) == 0
     assert equations.main([str(robot), '--hold', 's', '--joint']) == 0
     assert equations.main([str(log), '--hold', 's']) == 2 and '--hold is for chain files' in capsys.readouterr().err

@@ -176,7 +176,7 @@ def test_a_slide_across_the_axes_and_a_turned_frame():
     ({'origin': 'inf 0 0'}, "joint 'elbow' has a position that is not finite"),
     ({'center': '0 0'}, "link 'a' has xyz '0 0', must be 3 numbers"),
     ({'center': 'inf 0 0'}, "link 'a' has a mass centre that is not finite"),
-    ({'origin': '0 0 0"/><mimic joint="shoulder'}, "joint 'elbow' mimics 'shoulder', must move on its own or be held"),
+    ({'origin': '0 0 0"/><mimic joint="shoulder'}, "'elbow' mimics 'shoulder', must move on its own or be welded"),
 ])
 def test_what_is_no_planar_robot_is_refused_by_the_joint(changes, sentence):
     with pytest.raises(pcs.ChainError) as refusal:

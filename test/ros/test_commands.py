@@ -224,7 +224,7 @@ def test_a_joint_that_is_not_commanded_any_more_expires_alone():
 
 def test_lockstep_takes_the_first_answer_to_the_state_outstanding():
     answers = Answers((0, 1))
-    answers.await_for(stamp=7, shown=100, since=0)
+    answers.await_for(stamp=7, published=100, since=0)
     for command, received, why in ((Command((0, 1), (1.0, 1.0), stamp=6), 150, 'other stamp'),
                                    (Command((0, 1), (1.0, 1.0), stamp=9), 150, 'other stamp'),
                                    (Command((0, 1), (1.0, 1.0), stamp=0), 150, 'no stamp'),
@@ -239,9 +239,9 @@ def test_lockstep_takes_the_first_answer_to_the_state_outstanding():
     answers.await_for(8, 200, 0)
     assert parts(answers.admit(Command((2,), (6.0,), stamp=1), 201)) == ([2], [6.0]), 'nobody waits for joint 2'
     assert answers.missing == {0, 1}
-    answers.again(50)
+    answers.republished(50)
     assert parts(answers.admit(Command((0,), (7.0,)), 60)) == ([0], [7.0]), 'the clock was set back meanwhile'
-    answers.again(90)
+    answers.republished(90)
     assert answers.shown == 50
     answers.clear()
     assert answers.missing == {0, 1}
@@ -251,13 +251,13 @@ def test_lockstep_takes_the_first_answer_to_the_state_outstanding():
 def test_an_answer_from_before_a_reset_is_none_to_the_state_after_it():
     """Both states have the same stamp; an answer that was sent in time to the first acts no more."""
     answers = Answers((0,))
-    answers.await_for(stamp=7, shown=100, since=0)
+    answers.await_for(stamp=7, published=100, since=0)
     assert parts(answers.admit(Command((0,), (1.0,), stamp=7), 99)) == ([0], [1.0]), 'by its stamp alone'
-    answers.await_for(stamp=7, shown=200, since=0)
+    answers.await_for(stamp=7, published=200, since=0)
     old = answers.admit(Command((0,), (2.0,), stamp=7), 199)
     assert parts(old) == ([], []) and [reason for reason, _ in old.ignored] == ['early answer']
     assert parts(answers.admit(Command((0,), (3.0,), stamp=7), 201)) == ([0], [3.0])
-    answers.await_for(stamp=8, shown=300, since=0)
+    answers.await_for(stamp=8, published=300, since=0)
     assert parts(answers.admit(Command((0,), (4.0,), stamp=8), 299)) == ([0], [4.0]), 'a clock that was set back'
 
 

@@ -27,7 +27,7 @@ from planar_chain_sim.errors import Mistake
 from planar_chain_sim.recording.cdr import decode_joint_state, decode_string
 from planar_chain_sim.recording.log_reader import read_log
 from planar_chain_sim.ros.arguments import unheard
-from planar_chain_sim.ros.declaration import declare_chain_parameters, declare_parameters, let_set
+from planar_chain_sim.ros.declaration import accept_changes, declare_chain_parameters, declare_parameters
 from planar_chain_sim.ros.node import simulate
 from planar_chain_sim.ros.parameters import PARAMETERS
 
@@ -177,7 +177,7 @@ def test_live_parameters_are_converted_checked_and_applied_all_or_none(declared)
     _, node = declared()
     declare_chain_parameters(node, CHAIN)
     applied = []
-    let_set(node, CHAIN, lambda values: (applied.append(values) or True, ''))
+    accept_changes(node, CHAIN, lambda values: (applied.append(values) or True, ''))
     results = node.set_parameters([Parameter('gravity', value=[0, -2]), Parameter('real_time_factor', value=2)])
     assert all(result.successful for result in results), results
     assert applied == [{'gravity': [0.0, -2.0]}, {'real_time_factor': 2.0}]
@@ -199,7 +199,7 @@ def test_live_parameters_are_converted_checked_and_applied_all_or_none(declared)
 def test_what_the_simulator_refuses_is_not_set(declared):
     _, node = declared()
     declare_chain_parameters(node, CHAIN)
-    let_set(node, CHAIN, lambda values: (False, 'no'))
+    accept_changes(node, CHAIN, lambda values: (False, 'no'))
     outcome, = node.set_parameters([Parameter('command_timeout', value=1.0)])
     assert not outcome.successful and outcome.reason == 'no'
     assert node.get_parameter('command_timeout').value == 0.0
