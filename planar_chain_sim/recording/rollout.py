@@ -75,7 +75,8 @@ def _rollout_to_file(arguments) -> int:
             log.advance(ticks, effort, bar.update)
         except Interrupted:
             raise KeyboardInterrupt(*stops[:1]) from None
-    print_line(f'{path}: {simulation.time:g} s simulated in {perf_counter() - began:.2f} s, {counted(ticks + 1, "state")}')
+    print_line(f'{path}: {simulation.time:g} s simulated in {perf_counter() - began:.2f} s, '
+               f'{counted(ticks + 1, "state")}')
     return 0
 
 
@@ -121,8 +122,8 @@ def _ticks(options, step: float, effort) -> tuple:
     rows = table.by_tick(ticks, step, f'--effort {clipped(options.effort, 200)!r}')
     spare = table.ticks(step) - ticks
     if spare > 0:
-        print_line(f'--effort {clipped(options.effort, 200)!r} has {counted(spare, "tick")} after the end, which are '
-             'not used')
+        print_line(f'--effort {clipped(options.effort, 200)!r} has {counted(spare, "tick")} after the end, '
+                   'which are not used')
     return ticks, rows
 
 

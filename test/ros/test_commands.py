@@ -222,7 +222,7 @@ def test_a_joint_that_is_not_commanded_any_more_expires_alone():
     assert held.effort.tolist() == [0.0, 0.0, 0.0]
 
 
-def test_lockstep_takes_the_first_answer_to_the_state_outstanding():
+def test_lockstep_takes_the_first_answer_to_the_waiting_state():
     answers = Answers((0, 1))
     answers.await_for(stamp=7, published=100, since=0)
     for command, received, why in ((Command((0, 1), (1.0, 1.0), stamp=6), 150, 'other stamp'),
@@ -239,10 +239,10 @@ def test_lockstep_takes_the_first_answer_to_the_state_outstanding():
     answers.await_for(8, 200, 0)
     assert parts(answers.admit(Command((2,), (6.0,), stamp=1), 201)) == ([2], [6.0]), 'nobody waits for joint 2'
     assert answers.missing == {0, 1}
-    answers.republished(50)
+    answers.note_repeated(50)
     assert parts(answers.admit(Command((0,), (7.0,)), 60)) == ([0], [7.0]), 'the clock was set back meanwhile'
-    answers.republished(90)
-    assert answers.shown == 50
+    answers.note_repeated(90)
+    assert answers.published == 50
     answers.clear()
     assert answers.missing == {0, 1}
     assert parts(answers.admit(Command((0,), (8.0,)), -5)) == ([0], [8.0]), 'past 2038 DDS has no time'
