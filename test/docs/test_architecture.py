@@ -117,6 +117,13 @@ def test_ros_is_imported_in_its_room_and_by_measurements_alone():
     assert rooms == {'ros', 'benchmark'}
 
 
+def test_every_file_that_the_page_names_is_there():
+    named = re.findall(r'`([\w/]+(?:/|\.py|\.pyi|\.hpp|\.cpp|\.md))`', (ROOT / 'docs/architecture.md').read_text())
+    assert len(named) > 40
+    assert not [name for name in named if not any((folder / name).exists() for folder in (
+        ROOT, ROOT / NAME, KERNEL, KERNEL / 'model'))]
+
+
 FORMER = {'chain': 'Body Chain ChainError Joint', 'dynamics': 'Interrupted SimulationError', 'loads': 'Wrench',
           'body_poses': 'BodyPoses', 'simulation': 'Checkpoint JointEvent Run Simulation', 'batch': 'BatchRun'}
 
