@@ -1,4 +1,4 @@
-// Vectors of numbers that begin with a cache line: how fast they are read does not depend on where the heap put them.
+// Vectors of numbers that begin at a cache line, so that reading them takes the same time wherever the heap put them.
 #pragma once
 
 #include <cstddef>

@@ -1,9 +1,9 @@
-// Sums that keep what rounding loses.
+// Sums that keep their rounding errors.
 #pragma once
 
 namespace planar_chain {
 
-// Two-sum (Knuth, TAOCP 2, 4.2.2): what rounding loses goes into the remainder, so that error grows with steps^(1/2).
+// Two-sum (Knuth, TAOCP 2, 4.2.2): the rounding error goes into the remainder, so the error grows like steps^(1/2).
 template <class Real>
 inline void add_compensated(const Real& value, const Real& remainder, const Real& increment, Real& sum, Real& lost) {
   const Real term = increment + remainder, whole = value + term, back = whole - value;

@@ -1,6 +1,6 @@
-// Angles of many turns, reduced to a quarter turn with integers, after M. H. Payne and R. N. Hanek, Radian reduction for
-// trigonometric functions, SIGNUM Newsletter 18 (1983), 19-24: of angle * 2/pi only the bits that are no multiple of
-// four quarter turns are computed, 190 of them behind the point.
+// Angles of many turns, reduced to a quarter turn with integers, after M. H. Payne and R. N. Hanek, Radian reduction
+// for trigonometric functions, SIGNUM Newsletter 18 (1983), 19-24: of angle * 2/pi only the bits that are no multiple
+// of four quarter turns are computed, 190 of them behind the point.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// Logarithms and powers that are good enough to choose a step or a warning by, and unlike libm's the same bits on every
+// Logarithms and powers, exact enough to choose a step or a warning. Unlike libm's they have the same bits on every
 // machine.
 #pragma once
 

@@ -1,5 +1,5 @@
-// Sine and cosine: the one place where the kernel and the loader take them from. Additions and multiplications alone,
-// so the bits are the same with every math library and every vector width. Checked against 50 digits in
+// Sine and cosine, the only ones that the kernel and the loader use. They need additions and multiplications alone, so
+// the bits are the same with every math library and every vector width. Checked against 50 digits in
 // test_trigonometry.py: below 1 ulp.
 #pragma once
 
@@ -71,12 +71,12 @@ PLANAR_CHAIN_INLINE Truth<Real> near_sine_cosine(const Real& angle, const Real& 
   const Real tail = ((first - (r + back)) + (back - second)) - k * quarter_3 + low;
 
   reduced_sine_cosine<Real>(r, tail, same_bits<Bits<Real>>(shifted), sine, cosine);
-  return k * k > most_quarters * most_quarters;  // NaN needs no other road: it stays NaN
+  return k * k > most_quarters * most_quarters;  // false for NaN, which stays NaN
 }
 
 }  // namespace trigonometry
 
-// Of angle + low, where low is what a sum of angles has lost by rounding.
+// Of angle + low, where low is the rounding error of a sum of angles.
 inline void sine_cosine(double angle, double low, double& sine, double& cosine) {
   if (!trigonometry::near_sine_cosine(angle, low, sine, cosine)) return;
   double r = angle - angle, tail = 0.0;  // of an infinite angle, no number
@@ -100,7 +100,7 @@ inline void sine_cosine(const Real& angle, Real& sine, Real& cosine) {
   sine_cosine(angle, Real(0.0), sine, cosine);
 }
 
-// The same for `count` angles, where few are far. `low`: what sums of them have lost, an array or NothingLost.
+// The same for `count` angles, of which few are far. `low`: rounding errors of their sums, an array or NothingLost.
 struct NothingLost {
   double operator[](int) const { return 0.0; }
 };

@@ -1,12 +1,12 @@
-// How many numbers the processor's vectors hold, found out at run time: a plain build runs on every machine and uses
-// what is there. The bits do not depend on it.
+// The width of the processor's vectors, determined at run time: a plain build runs on every machine and uses what that
+// has. The bits do not depend on it.
 #pragma once
 
 #include <vector>
 
 #include "lanes.hpp"
 
-// -DPLANAR_CHAIN_NARROW leaves the wide ones out and inlines less: for builds that take long, as with a sanitizer.
+// -DPLANAR_CHAIN_NARROW leaves wide vectors out and inlines less, for builds that take long, as with a sanitizer.
 #ifdef PLANAR_CHAIN_NARROW
 #define PLANAR_CHAIN_FLAT
 #elif defined(__x86_64__)
@@ -51,7 +51,7 @@ struct VectorWidth<8> {
 };
 #endif
 
-// The widths there are, the widest last.
+// The available widths, the widest last.
 inline std::vector<int> vector_widths() {
   std::vector<int> widths = {2};
 #ifdef PLANAR_CHAIN_VECTORS

@@ -15,7 +15,7 @@
 
 namespace planar_chain {
 
-// What runs one scene alone, with the form it asks for accelerations.
+// An integrator that runs one scene alone, with the form of the equations that it uses.
 struct SingleRun {
   std::unique_ptr<Form> form;
   std::unique_ptr<Integrator> integrator;
@@ -73,7 +73,7 @@ struct Batch {
   }
 };
 
-// Runs scenes alone, from the start or from where they left the lanes.
+// Runs scenes alone, from the start or from the tick at which they left the lanes.
 class ScenesAlone {
  public:
   explicit ScenesAlone(const Batch& batch)
@@ -113,7 +113,7 @@ class ScenesAlone {
     const std::int64_t done = tick + progress.ticks;
     batch_.report(i, {done, progress.outcome, progress.joint});
     if (!all) return keep_state(batch_.state_row(i, done));
-    // What is left is filled up; after a stop nobody reads it.
+    // Fills the remaining rows; after a stop nobody reads them.
     for (std::int64_t k = done + 1; k <= batch_.ticks && !lookout_->stop(1); ++k) keep_state(batch_.state_row(i, k));
     for (std::int64_t k = done; k < batch_.ticks && !lookout_->stop(1); ++k)
       std::fill_n(batch_.effort_taken + batch_.effort_row(i, k), batch_.joints, 0.0);

@@ -1,6 +1,6 @@
-// Many scenes at once. Blocks of scenes go to threads; in a block a method of fixed step runs all scenes in the lanes of
-// vectors. Each lane sees the operations of a single run in their order, so each scene gets the bits of a single run,
-// whatever the width of the vectors and the number of threads.
+// Many scenes at once. Blocks of scenes go to threads; in a block a method of fixed step runs all scenes in the lanes
+// of vectors. Each lane sees the operations of a single run in their order, so each scene gets the bits of a single
+// run, whatever the width of the vectors and the number of threads.
 #pragma once
 
 #include <algorithm>
@@ -21,8 +21,8 @@
 
 namespace planar_chain {
 
-// One worker for each thread; `run(worker, block)` for every block, by whoever is free. The caller's thread asks `ask` now
-// and then whether to stop, the others hear of it by `stop`; then what was done is of no use.
+// One worker for each thread; the next free one calls `run(worker, block)` for a block. The caller's thread calls `ask`
+// now and then to see whether to stop; the others see `stop`. After a stop the results are of no use.
 template <class Worker, class Run>
 void share_out(std::vector<Worker>& workers, std::int64_t blocks, std::atomic<bool>& stop,
                const std::function<bool()>& ask, const Run& run) {
@@ -57,7 +57,7 @@ void share_out(std::vector<Worker>& workers, std::int64_t blocks, std::atomic<bo
       }
       threads.emplace_back(work_aside, threads.size() + 1);
     }
-  } catch (const std::system_error&) {  // no more threads to be had: fewer do it too
+  } catch (const std::system_error&) {  // there are no more threads: fewer will do
     const std::lock_guard<std::mutex> guard(mutex);
     --running;
   }

@@ -16,7 +16,7 @@
 
 namespace planar_chain {
 
-// Runs a block of scenes, as many as Real has lanes. One to whom something happens leaves, and is run on alone.
+// Runs a block of scenes, as many as Real has lanes. A scene with an event or a failure leaves and runs on alone.
 template <class Real>
 class ScenesInLanes {
   static constexpr int lanes = lanes_in<Real>;
@@ -116,7 +116,7 @@ class ScenesInLanes {
     return sum;
   }
 
-  // From state_ to next_; tells which scenes may not go there.
+  // From state_ to next_; returns which scenes must not take this step.
   Truth<Real> step() {
     Truth<Real> singular = 0;
     switch (batch_.method) {
@@ -124,8 +124,8 @@ class ScenesInLanes {
       case LaneMethod::semi_implicit_euler: singular = semi_implicit_euler(); break;
       case LaneMethod::none: break;  // runs alone
     }
-    Real nothing = 0.0;       // or no number, where one that is not finite meets itself
-    Truth<Real> violent = 0;  // is judged alone
+    Real nothing = 0.0;       // becomes NaN if a number is not finite
+    Truth<Real> violent = 0;  // scenes whose step is to be checked, alone
     for (std::size_t j = 0; j < joints_; ++j) {
       nothing += (next_.position[j] - next_.position[j]) + (next_.velocity[j] - next_.velocity[j]);
       const Real jump = (next_.velocity[j] - state_.velocity[j]) * step_;
@@ -134,7 +134,7 @@ class ScenesInLanes {
     return singular | (nothing != 0.0) | violent;
   }
 
-  // Accelerations under the actuators at stage_, `way_` from the state; tells which scenes have none.
+  // Accelerations under the actuators at stage_, `way_` from the state; returns which scenes have none.
   Truth<Real> evaluate(const Real* velocity, Real* acceleration) {
     right_hand_side_->accelerate(*form_, state_.position.data(), way_.data(), stage_.data(), velocity, actuator_.data(),
                                  acceleration);
@@ -185,7 +185,7 @@ class ScenesInLanes {
                           next_.velocity_remainder[j]);
   }
 
-  // Scenes that stop are run on alone, which tells why; their lanes go on from zero, seen by nobody.
+  // Scenes that stop run on alone, which gives the reason; their lanes go on from zero, and their results are not used.
   __attribute__((noinline)) void dismiss(const Truth<Real>& stopped, std::int64_t tick) {
     std::vector<int> stay;
     for (int i : here_) {
@@ -235,9 +235,9 @@ class ScenesInLanes {
   Row actuator_, stage_, way_, rates_, accelerations_;
 };
 
-// Accelerations of many states of one chain, all arrays (count, joints), which are put side by side once: run() computes
-// them `repeats` times over. All that belongs to one block of lanes lies together: arrays of their own, each of a whole
-// number of pages, would meet in the same lines of the cache.
+// Accelerations of many states of one chain, all arrays (count, joints), which are put side by side once: run()
+// computes them `repeats` times over. All that belongs to one block of lanes lies together: arrays of their own, each
+// of a whole number of pages, would meet in the same lines of the cache.
 template <class Real>
 class StatesInLanes {
  public:

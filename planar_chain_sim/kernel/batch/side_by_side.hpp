@@ -11,13 +11,13 @@
 
 namespace planar_chain {
 
-struct Scene {  // what is const in it
+struct Scene {  // its const data
   const Chain* chain;
   const JointForces* forces;
   bool dense;  // form of the equations
 };
 
-// Whether the chains differ in numbers alone, not in what turns, slides and acts: then they can share lanes.
+// Whether the chains differ in numbers alone, and not in joints and laws: then they can share lanes.
 template <class Law>
 inline bool same_joints(const std::vector<Law>& some, const std::vector<Law>& others) {
   return std::equal(some.begin(), some.end(), others.begin(), others.end(),

@@ -21,12 +21,12 @@ class BoxProblem {
   std::vector<double> W, b, lower, upper;  // W row by row
   std::vector<double> x, y;                // the solution
   enum class At { inside, lower, upper };
-  std::vector<At> at;  // where each x_i came to lie
+  std::vector<At> at;  // whether each x_i is at a bound
 
   explicit BoxProblem(std::size_t size)
       : W(size * size), b(size), lower(size), upper(size), x(size), y(size), at(size, At::inside) {}
 
-  // False where rounding keeps the pivoting from its end: x is then within bounds, but y may have a wrong sign.
+  // False if rounding keeps the pivoting from ending: x is then within bounds, but y may have a wrong sign.
   bool solve() {
     const std::size_t size = b.size();
     for (std::size_t rounds = 0; rounds < 64 + 32 * size; ++rounds) {
@@ -70,7 +70,8 @@ class BoxProblem {
     for (std::size_t i : inside) y[i] = 0.0;
   }
 
-  // Whether x_i is where it belongs, but for rounding; else it goes over. By rounding alone it would go back and forth.
+  // Whether x_i is where it belongs, up to rounding; else it changes sides. Without this tolerance it could go back and
+  // forth.
   bool fits(std::size_t i) {
     const std::size_t size = b.size();
     constexpr double rounding = 64.0 * std::numeric_limits<double>::epsilon();

@@ -1,10 +1,10 @@
 // The first time at which one of several smooth functions becomes negative.
 //
-// A sign that is looked at in samples misses what dips below zero between two of them. So each function is taken as the
-// polynomial through its samples, in Bernstein's form: no value lies below the smallest coefficient, and a row of
-// coefficients that only falls belongs to a function that only falls (G. Farin, Curves and Surfaces for CAGD, 5.1). An
-// interval is halved until each function is safely positive, only rises or only falls in it; the estimate of what the
-// polynomial leaves out is on the safe side.
+// Signs at samples alone would miss a function that dips below zero between two of them. So each function is taken as
+// the polynomial through its samples, in Bernstein's form: no value lies below the smallest coefficient, and if the
+// coefficients only fall, the function only falls (G. Farin, Curves and Surfaces for CAGD, 5.1). An interval is halved
+// until each function is certainly positive, only rises or only falls in it. The error of the polynomial is estimated
+// conservatively.
 #pragma once
 
 #include <algorithm>
@@ -14,13 +14,13 @@
 
 namespace planar_chain {
 
-// The last: the readings were too poor to tell; what they said is better known now.
+// poor: the values were too inexact for a decision; more exact ones are known now.
 enum class Found { nothing, crossing, failed, poor };
 
 class EventSearch {
  public:
-  double low = 0.0, high = 0.0;  // after Found::crossing: in here they cross zero, falling all the way
-  std::vector<int> crossing;     // which
+  double low = 0.0, high = 0.0;  // after Found::crossing: the interval in which they fall through zero
+  std::vector<int> crossing;     // the functions that do
 
   // For functions numbered 0 .. count - 1.
   void resize(int count) {
@@ -32,7 +32,7 @@ class EventSearch {
   const double* high_values() const { return &values_[0]; }
   const double* low_values() const { return &values_[count_]; }
 
-  // `evaluate(time, values)` gives all functions at a time, or false. At `a` they are not negative, but for rounding.
+  // `evaluate(time, values)` gives all functions at a time, or false. At `a` they are not negative, except by rounding.
   template <class Evaluate>
   Found find(Evaluate&& evaluate, double a, double b) {
     used_ = kept_samples, left_ = most_evaluations;
@@ -71,7 +71,7 @@ class EventSearch {
 
  private:
   static constexpr int none = -1, kept_samples = 2, most_depth = 44, most_samples = 2 + 2 + 4 * (most_depth + 1);
-  static constexpr int most_evaluations = 600;  // beyond, ends of intervals alone are looked at
+  static constexpr int most_evaluations = 600;  // beyond, only the ends of intervals are evaluated
 
   static double spacing(double x) { return 2.0 * std::numeric_limits<double>::epsilon() * x; }
 
@@ -126,7 +126,7 @@ class EventSearch {
     return Found::crossing;
   }
 
-  // Whether the parabola through three samples is positive, with room for what it leaves out.
+  // Whether the parabola through three samples is positive, with a margin for its error.
   static bool positive(double f_a, double f_m, double f_b) {
     const double bend = std::fabs(f_a - 2.0 * f_m + f_b), inner = 2.0 * f_m - 0.5 * (f_a + f_b);
     return std::fmin(std::fmin(f_a, f_b), inner) > 0.25 * bend + 0.02 * (std::fabs(f_b - f_a) + bend);
@@ -134,7 +134,7 @@ class EventSearch {
 
   enum class Course { positive, rises, falls, unclear };
 
-  // Of the quartic through five samples.
+  // The same of the quartic through five samples.
   static Course course_of(double f0, double f1, double f2, double f3, double f4) {
     const double A = 256.0 * f1 - 81.0 * f0 - f4, B = 16.0 * f2 - f0 - f4, C = 256.0 * f3 - f0 - 81.0 * f4;
     const double sum = (A + C - 18.0 * B) / 48.0, difference = (A - C) / 96.0;
@@ -150,7 +150,7 @@ class EventSearch {
       rises = rises && b[k] - b[k - 1] > 4.0 * left_out;
       falls = falls && b[k - 1] - b[k] > 4.0 * left_out;
     }
-    // From zero it may set out as a square or a cube does.
+    // From zero it may begin like a square or a cube.
     rises = rises || (f0 == 0.0 && std::fmin(b[1], b[2]) >= -left_out &&
                       b[3] - std::fmax(b[1], b[2]) > 4.0 * left_out && b[4] - b[3] > 4.0 * left_out);
     return least > left_out ? Course::positive : rises ? Course::rises : falls ? Course::falls : Course::unclear;

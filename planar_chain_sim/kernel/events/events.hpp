@@ -8,10 +8,10 @@
 //   a rate with friction falls to zero    it sticks, or goes on, or turns back
 //   lambda leaves its bounds              it slips, or leaves the stop
 //
-// Each is the first time at which a watch, a smooth function, becomes negative (watched_motion.hpp). They are looked
-// for step by step of the method, not tick by tick. What happens then is decided for all joints together (holding.hpp),
-// by the numbers that the watches are made of (holding_effort.hpp): a joint stands where lambda is within its bounds but
-// for twice what rounding may do to it, and breaks away beyond four times that. So neither can call for the other at the
+// Each is the first time at which a watch, a smooth function, becomes negative (watched_motion.hpp). The search goes
+// through the steps of the method, not through ticks. What happens then is decided for all joints together
+// (holding.hpp), by the same numbers as the watches (holding_effort.hpp). A joint stands if lambda exceeds its bounds
+// by at most twice its rounding error, and breaks away beyond four times that. So neither can cause the other at the
 // same place.
 #pragma once
 
@@ -43,11 +43,11 @@ inline const char* name_of(EventKind kind) {
 }
 
 struct JointEvent {
-  std::int64_t tick;  // the last one before it
+  std::int64_t tick;  // the last tick before the event
   double offset;      // s behind that tick
   EventKind kind;
   int joint;
-  double speed;  // with which a stop was touched
+  double speed;  // at which a stop was touched
 };
 
 class EventDriven final : public Integrator {
@@ -57,7 +57,7 @@ class EventDriven final : public Integrator {
         holding_(chain, forces), part_(chain, forces), effort_(holding_, part_, joints_),
         watched_(method_, step, holding_, part_, effort_), kept_(joints_), standing_at_(joints_) {}
 
-  std::deque<JointEvent> events;  // the newest most_kept, for whoever takes them
+  std::deque<JointEvent> events;  // the newest most_kept events
 
   EventDriven* event_driven() override { return this; }
 
@@ -91,7 +91,7 @@ class EventDriven final : public Integrator {
   // The moving part has forces of its own, made from these.
   void forces_changed() override { changed_ = under_way_, built_ = false; }
 
-  // Goes on from what stands and slides in `other`, whose chain has the same joints.
+  // Takes over which joints stand and slide from `other`, whose chain has the same joints.
   void adopt(const EventDriven& other) {
     holding_.standing = other.holding_.standing, holding_.sign = other.holding_.sign;
     holding_.places = other.holding_.places, effort_.held = other.effort_.held;
@@ -99,8 +99,8 @@ class EventDriven final : public Integrator {
     under_way_ = changed_ = other.under_way_;
   }
 
-  // Whether anything goes on; then the actuators' efforts, of each joint whether it stands, which way it slides, by how
-  // much lambda may exceed its bounds and where it stands, and the motion's own.
+  // Saves whether a motion is under way; then the actuators' efforts; for each joint whether it stands, which way it
+  // slides, by how much lambda may exceed its bounds, and where it stands; then the numbers of the motion itself.
   void save(std::vector<double>& all) const override {
     all.push_back(static_cast<double>(Kept::events)), all.push_back(!under_way_ ? 0.0 : changed_ ? 2.0 : 1.0);
     if (!under_way_) return;
@@ -138,10 +138,10 @@ class EventDriven final : public Integrator {
     return watched_.motion()->load(kept, tick, now, state != nullptr ? &watched_.moved : nullptr);
   }
 
-  // Accelerations at a state under the actuators that acted last, of joints that stand zero; -1, or the joint whose
-  // pivot vanished.
+  // Accelerations at a state under the last actuator efforts, zero for joints that stand; -1, or the joint whose pivot
+  // vanished.
   int accelerate(const JointState& state, const double* actuator, double* acceleration) {
-    if (!under_way_ || changed_) {  // what stands in this state is not decided yet
+    if (!under_way_ || changed_) {  // it is not decided yet which joints stand
       EventDriven decided(chain_, forces_, method_, step_, dense_);
       JointState start = state;
       Progress progress;
@@ -157,11 +157,11 @@ class EventDriven final : public Integrator {
  private:
   static constexpr std::size_t most_kept = 4096;
 
-  // So many events in so short a time, s, are no motion.
+  // More events than this in so short a time, s, end the motion.
   static constexpr int most_events = 1000;
   static constexpr double least_time = 1e-9;
 
-  // To the next tick where nothing changes and nothing happens, in a step that has been looked through that far.
+  // Goes to the next tick, if no effort changes and the step has been searched that far without an event.
   bool coast(std::int64_t tick, double from, JointState& state, const double* actuator) {
     if (!under_way_ || changed_ || !are_held(actuator)) return false;
     if (!watched_.motion()) return true;  // everything stands
@@ -174,7 +174,7 @@ class EventDriven final : public Integrator {
     return std::memcmp(effort_.held.data(), actuator, effort_.held.size() * sizeof(double)) == 0;
   }
 
-  // From `from` to `to` s behind `tick`; false, with the state as it was, where it fails.
+  // Goes from `from` to `to` s behind `tick`; false, with the state unchanged, if that fails.
   bool go(std::int64_t tick, double from, double to, JointState& state, const double* actuator, Progress& progress) {
     kept_ = state, saved_.clear(), save(saved_);
     const std::int64_t events_before = counts.events;
@@ -188,7 +188,7 @@ class EventDriven final : public Integrator {
     return false;
   }
 
-  // Where efforts or the state have changed, all that stands and slides is decided anew.
+  // If efforts or the state have changed, decides again which joints stand and slide.
   bool begin(std::int64_t tick, double offset, JointState& state, const double* actuator, Progress& progress) {
     if (under_way_ && !changed_ && are_held(actuator)) return true;
     if (!under_way_) std::fill(holding_.standing.begin(), holding_.standing.end(), false);
@@ -243,7 +243,7 @@ class EventDriven final : public Integrator {
     return false;
   }
 
-  // The state is where something was violated: puts it right, and decides how it goes on.
+  // At a state where a watch was violated: applies the impact and decides which joints stand.
   bool happen(std::int64_t tick, double offset, JointState& state, Progress& progress) {
     for (int w : watched_.violated) {
       const Watch& watch = watched_.watches[w];
@@ -255,7 +255,8 @@ class EventDriven final : public Integrator {
     return settle(tick, offset, state, true, progress);
   }
 
-  // Impacts, then what stands, and the motion from there on. `known`: what stood before it was found out, too.
+  // Impacts, then the joints that stand, then the motion from there on. `known`: which joints stood before was decided
+  // too.
   bool settle(std::int64_t tick, double offset, JointState& state, bool known, Progress& progress) {
     std::vector<std::pair<int, double>> touched;
     const bool good = holding_.collide(state, effort_.held.data(), touched, progress);
@@ -271,8 +272,8 @@ class EventDriven final : public Integrator {
     return true;
   }
 
-  // Which joints stand, and which way the others begin to slide. The box problem knows but for rounding; here its
-  // answer is held against the numbers that the watches will see. A joint that broke away does slide.
+  // Which joints stand, and which way the others begin to slide. The box problem's answer has rounding errors, so it is
+  // compared with the numbers that the watches will use. A joint that broke away does slide.
   bool decide(JointState& state, Progress& progress) {
     const std::vector<Watch> was = watched_.watches;
     if (!holding_.decide(state, effort_.held.data(), progress)) return false;
@@ -313,7 +314,7 @@ class EventDriven final : public Integrator {
     return true;
   }
 
-  // The moving part for what stands, which may be the one that there is.
+  // Makes the moving part for the joints that stand, if it is not the present one.
   void make_part() {
     bool same = built_;
     for (int j = 0; j < joints_ && same; ++j)
@@ -348,12 +349,12 @@ class EventDriven final : public Integrator {
   MovingPart part_;
   HoldingEffort effort_;
   WatchedMotion watched_;
-  bool under_way_ = false, changed_ = false;  // the latter: forces other than the actuators'
-  JointState kept_, standing_at_;             // of all joints; the last: when that was decided
+  bool under_way_ = false, changed_ = false;  // changed_: forces other than the actuators'
+  JointState kept_, standing_at_;             // of all joints; standing_at_: when it was decided which joints stand
   bool built_ = false;
-  std::vector<bool> built_for_;  // what stood where the moving part was made
+  std::vector<bool> built_for_;  // joints that stood when the moving part was made
   JointState built_at_{0};
-  std::vector<double> saved_;  // what save() says before a tick
+  std::vector<double> saved_;  // result of save() before a tick
 };
 
 inline std::unique_ptr<Integrator> make_integrator(const MethodData& method, const Chain& chain, Form& form,

@@ -21,22 +21,22 @@
 
 namespace planar_chain {
 
-// A rebound slower than this, rad/s or m/s, or over sooner than this, s, is none: infinitely many bounces end in rest.
+// A rebound slower than this, rad/s or m/s, or over within this, s, is taken as none, so infinitely many bounces end.
 struct LeastRebound {
   double speed, flight;
 
-  // Of a joint that is pressed against its stop with this acceleration.
+  // Whether a joint rebounds that is pressed against its stop with this acceleration.
   double with(double acceleration) const { return std::fmax(speed, 0.5 * flight * acceleration); }
 };
 constexpr LeastRebound least_rebound{1e-5, 1e-6};
-// Where other joints rest on stops, which might throw each other off in turn as many times.
+// The same where other joints rest on stops: they might throw each other off in turn infinitely often.
 constexpr LeastRebound least_rebound_of_many{1e-3, 3e-4};
 
-// s. Impacts within this time are one: one joint thrown against its stop by the impact of another can throw that back
-// infinitely often in no time.
+// Impacts within this time, s, count as one: a joint thrown against its stop by the impact of another can throw that
+// one back, infinitely often in no time.
 constexpr double at_once = 1e-8;
 
-// Impacts of one moment that rebound; then they end.
+// Number of impacts of one moment that rebound; the next ones do not.
 constexpr int most_rounds = 8;
 
 class Holding {
@@ -46,7 +46,7 @@ class Holding {
   std::vector<double> friction, lower, upper, restitution;  // of the joints
   std::vector<bool> standing;
   std::vector<double> sign;    // of the rate that friction acts against
-  std::vector<double> places;  // of the joints when that was decided
+  std::vector<double> places;  // of the joints when it was decided which of them stand
   std::vector<int> still;      // joints without rate that friction or a stop may hold
   std::vector<double> give;    // of those: acceleration per effort, (H^-1)_jj
 
@@ -65,12 +65,12 @@ class Holding {
   bool on_upper(int j, double position) const { return position >= upper[j]; }
   bool on_stop(int j, double position) const { return on_lower(j, position) || on_upper(j, position); }
 
-  // Bounds of what may hold joint j where it stands.
+  // Bounds of the effort that may hold joint j where it stands.
   double least(int j) const { return on_upper(j, places[j]) ? -infinity : -friction[j]; }
   double most(int j) const { return on_lower(j, places[j]) ? infinity : friction[j]; }
 
-  // Impacts of all joints that are on a stop and move into it, together; which they were, and how fast, goes to
-  // `touched`. `held`: efforts of the actuators.
+  // Impacts of all joints that are on a stop and move into it, together; `touched` gets these joints and their speeds.
+  // `held`: efforts of the actuators.
   bool collide(JointState& state, const double* held, std::vector<std::pair<int, double>>& touched,
                Progress& progress) {
     bool approaches = false;
@@ -80,18 +80,18 @@ class Holding {
     }
     if (!approaches) return true;
     if (!factorise(state, held, progress)) return false;
-    // A joint that is thrown at its stop by an impact, and is there at once, has one of its own, and may throw others.
+    // A joint that an impact throws at its stop, and that is there at once, has its own impact and may throw others.
     for (int rounds = 0; rounds < 2 * most_rounds && find_touching(state, rounds > 0, touched); ++rounds) {
       if (rounds < most_rounds && gentle(state)) {
-        // It ends at once, and moves nothing that stands: else two joints on their stops might push each other off,
-        // weaker and weaker, for ever. It only takes energy, as a projection does.
+        // A weak impact ends at once and moves no joint that stands; else two joints on their stops might push each
+        // other off, weaker and weaker, for ever. Like a projection it only takes energy.
         for (int j = 0; j < joints_; ++j)
           if (standing[j] && state.velocity[j] == 0.0) touch(j, 1.0);
         strike(state, Impact::holding);
       } else if (rounds < most_rounds) {
         strike(state, Impact::rebounding);
       } else {
-        // They throw each other back and forth without end: the nearest motion that goes into no stop.
+        // They throw each other back and forth without end: takes the nearest velocities that go into no stop.
         for (int j = 0; j < joints_; ++j) {
           const double near = at_once * (1.0 + std::fabs(state.velocity[j]));
           if (state.position[j] - lower[j] <= near) touch(j, 1.0);
@@ -107,8 +107,8 @@ class Holding {
     state.velocity[joint] = rate, state.velocity_remainder[joint] = 0.0;
   }
 
-  // Which of the joints without rate stand, and which way the others with friction slide, but for rounding: whoever has
-  // the moving part's accelerations looks again.
+  // Which of the joints without rate stand, and which way the others with friction slide. Rounding may make this wrong;
+  // the caller checks it by the accelerations of the moving part.
   bool decide(const JointState& state, const double* held, Progress& progress) {
     still.clear();
     for (int j = 0; j < joints_; ++j) {
@@ -136,7 +136,7 @@ class Holding {
     return true;
   }
 
-  // lambda of the joints at rest, in a state with these accelerations: inverse dynamics less the efforts that act.
+  // lambda of the standing joints, in a state with these accelerations: inverse dynamics less the efforts that act.
   void find_lambda(const JointState& state, const double* acceleration, const double* held, double* lambda) {
     const double* effort = right_hand_side_.efforts(state, held);
     const JointState& near = right_hand_side_.near();
@@ -144,11 +144,11 @@ class Holding {
     for (int j = 0; j < joints_; ++j) lambda[j] -= effort[j];
   }
 
-  // After find_lambda() with the same arguments, and the mass matrix factorised there: how far rounding may have
-  // carried each lambda. Of n numbers of a size the sum is off by at most n eps times that (Higham, Accuracy and
-  // Stability, 3.1); there are some ten for a link, and a few more in each number. An acceleration of a moving joint is
-  // as far off as the balance that it comes from. Nothing where nothing was rounded: efforts alone are compared to the
-  // last bit.
+  // After find_lambda() with the same arguments, and the mass matrix factorised there: bounds of the rounding errors of
+  // lambda. The sum of n numbers of one size is off by at most n eps times that size (Higham, Accuracy and Stability,
+  // 3.1); each link adds some ten numbers, each with a few roundings of its own. An acceleration of a moving joint is
+  // as far off as the balance that it comes from. The bound is 0 if nothing was rounded: efforts alone are compared to
+  // the last bit.
   void find_rounding(const JointState& state, const double* acceleration, const double* lambda, double* rounding_of) {
     recursion_.sizes(state.velocity.data(), acceleration, size_.data());
     recursion_.pivot_inverses(answer_.data());
@@ -162,7 +162,7 @@ class Holding {
           size_[j] == 0.0 ? 0.0 : rounding(size_[j]) + std::numeric_limits<double>::epsilon() * std::fabs(lambda[j]);
   }
 
-  // Of joint j, in the balance of efforts alone.
+  // The same for joint j, in the balance of efforts alone.
   double rounding_of_size(int j) const { return rounding(size_[j]); }
 
   double rounding(double size) const {
@@ -179,15 +179,15 @@ class Holding {
   }
 
  private:
-  enum class Impact { rebounding, ending, holding };  // by restitution; by none; and nothing leaves its stop
+  enum class Impact { rebounding, ending, holding };  // with restitution; without; also, nothing leaves its stop
 
   void touch(int j, double way) {
     if (std::find(touching_.begin(), touching_.end(), j) == touching_.end())
       touching_.push_back(j), way_.push_back(way);
   }
 
-  // Joints on a stop that do not leave it, and where an impact has been those that are on their way `at once`; true
-  // where any moves into it, which are told.
+  // Finds the joints on a stop that do not leave it, and after an impact those that reach one `at once`; true if any of
+  // them moves into its stop, which `touched` then gets.
   bool find_touching(const JointState& state, bool thrown, std::vector<std::pair<int, double>>& touched) {
     touching_.clear(), way_.clear(), resting_ = 0;
     bool approaches = false;
@@ -204,7 +204,7 @@ class Holding {
     return approaches;
   }
 
-  // Whether all that touching joints would rebound with is none.
+  // Whether all rebounds of the touching joints are too weak to count.
   bool gentle(const JointState& state) const {
     const LeastRebound& least = resting_ > 0 ? least_rebound_of_many : least_rebound;
     for (std::size_t i = 0; i < touching_.size(); ++i)
@@ -212,8 +212,8 @@ class Holding {
     return true;
   }
 
-  // After factorise(): the impact of touching_ changes the velocities. Each takes energy: of a rebound as no joint
-  // leaves its stop before, of the others as they project.
+  // After factorise(): the impact of touching_ changes the velocities. Each kind takes energy: a rebound because no
+  // joint leaves its stop before it, the others because they are projections.
   void strike(JointState& state, Impact kind) {
     const std::size_t count = touching_.size();
     BoxProblem impact(count);
@@ -227,7 +227,7 @@ class Holding {
       respond(j);
       for (std::size_t k = 0; k < count; ++k) impact.W[k * count + i] = way_[i] * way_[k] * answer_[touching_[k]];
     }
-    if (!impact.solve()) {  // nothing leaves its stop, which has a solution always
+    if (!impact.solve()) {  // then nothing leaves its stop, which always has a solution
       std::fill(impact.lower.begin(), impact.lower.end(), -infinity);
       std::fill(impact.at.begin(), impact.at.end(), BoxProblem::At::inside);
       impact.solve();
@@ -246,10 +246,10 @@ class Holding {
       }
       size += largest;
     }
-    // A joint at rest that the impacts do not move stays at rest, whatever rounding makes of it.
+    // A joint at rest that the impacts do not move stays at rest, despite rounding.
     for (int j = 0; j < joints_; ++j)
       if (before[j] == 0.0 && std::fabs(state.velocity[j]) <= rounding(size)) put_rate(state, j, 0.0);
-    // None goes on into its stop.
+    // No joint moves on into its stop.
     for (std::size_t i = 0; i < count; ++i)
       if (impact.at[i] == BoxProblem::At::inside || way_[i] * state.velocity[touching_[i]] < target[i])
         put_rate(state, touching_[i], way_[i] * target[i]);
@@ -281,8 +281,8 @@ class Holding {
   RightHandSide right_hand_side_;
   std::vector<double> acceleration_, answer_, unit_, size_, unsure_;
   std::vector<int> touching_;  // joints of an impact
-  std::vector<double> way_;    // off their stops, +1 or -1
-  int resting_ = 0;            // how many of them rest there
+  std::vector<double> way_;    // direction off their stops, +1 or -1
+  int resting_ = 0;            // number of them that rest there
 };
 
 }  // namespace planar_chain

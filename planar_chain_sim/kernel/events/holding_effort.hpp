@@ -1,5 +1,5 @@
-// What holds the joints that stand while the others move, lambda, and what rounding may do to it: the numbers by which
-// events are found and, the same ones, decided.
+// The effort lambda that holds the standing joints while the others move, and its rounding error. Events are found and
+// decided by the same numbers.
 #pragma once
 
 #include <cmath>
@@ -15,9 +15,9 @@ class HoldingEffort {
  public:
   std::vector<double> held;                      // the actuators' efforts, while they do not change
   std::vector<double> lambda, rounding, margin;  // of all joints; margin: by which lambda may exceed its bounds
-  std::vector<double> excess;                    // by which it did where that was decided, and the joint was to stand
+  std::vector<double> excess;                    // by which it did exceed them when the joint was decided to stand
   std::vector<double> acceleration;              // where it was last found
-  JointState full;                               // there; of joints that stand, whoever uses this puts it right
+  JointState full;                               // the state there; the user sets the standing joints
 
   HoldingEffort(Holding& holding, MovingPart& part, int joints)
       : held(joints), lambda(joints), rounding(joints), margin(joints), excess(joints), acceleration(joints),

@@ -14,13 +14,13 @@ namespace planar_chain {
 
 class MovingPart {
  public:
-  std::vector<double> effort;        // on its joints, that do not change: actuators and dry friction
-  std::vector<double> acceleration;  // what accelerate() found
+  std::vector<double> effort;        // constant efforts on its joints: actuators and dry friction
+  std::vector<double> acceleration;  // result of accelerate()
 
   MovingPart(const Chain& whole, const JointForces& forces) : whole_(whole), forces_(forces), turns_(whole) {}
 
-  // Makes it for these joints standing in `state`; `dense`: the form of its equations. Nothing that was made of the
-  // part before holds then.
+  // Makes the part for these joints standing in `state`; `dense`: the form of its equations. Whatever was computed from
+  // the old part is no longer valid.
   void build(const std::vector<bool>& standing, const JointState& state, bool unrolled_series, bool dense) {
     JointState at = state;
     if (turns_.find(state.position.data())) turns_.leave_out(at.position, at.position_remainder);

@@ -1,5 +1,5 @@
-// A motion of the moving part, looked through step by step for the first time at which a watch, a smooth function of
-// its state, becomes negative (event_search.hpp).
+// A motion of the moving part. Each step is searched for the first time at which a watch, a smooth function of the
+// state, becomes negative (event_search.hpp).
 #pragma once
 
 #include <algorithm>
@@ -16,7 +16,7 @@
 
 namespace planar_chain {
 
-// What must not become negative.
+// A function that must not become negative.
 struct Watch {
   enum Kind { above_lower, below_upper, sliding, held_up, held_down } kind;
   int joint, index;  // of the chain, of the moving part
@@ -34,7 +34,7 @@ class WatchedMotion {
   // Null where nothing moves.
   Motion* motion() const { return motion_.get(); }
 
-  // Of all motions that there were.
+  // Sums over all motions so far.
   Counts counts() const {
     Counts all = before_;
     if (motion_) all.add(motion_->counts);
@@ -43,7 +43,7 @@ class WatchedMotion {
 
   double length() const { return length_; }  // s, of the step
 
-  // Before the moving part becomes another one, and after.
+  // To be called before and after the moving part changes.
   void drop() {
     if (motion_) before_.add(motion_->counts);
     motion_.reset();
@@ -53,7 +53,7 @@ class WatchedMotion {
     for (JointState* state : {&moved, &later_, &located}) *state = JointState(part_.moving());
   }
 
-  // The method from the start, and what is watched, where joints stand as in `standing_at`.
+  // Starts the method afresh and lists the watches, with joints standing as in `standing_at`.
   void begin(const JointState& standing_at, Lookout* lookout) {
     watches.clear(), violated.clear(), holds_ = false, number_ = -1, shown_ = none;
     effort_.full = standing_at;
@@ -78,8 +78,8 @@ class WatchedMotion {
     motion_->look_out(lookout);
   }
 
-  // A step from `moved`. A fixed one may be too long for what an event would end soon, as strong friction; then a part
-  // of it.
+  // A step from `moved`. A fixed step may fail where an event would end it soon, as with strong friction; then a part
+  // of it is taken.
   bool look(std::int64_t tick, double at, double to, bool passed, Progress& progress) {
     length_ = motion_->look(tick, at, to, moved, part_.effort.data(), passed, progress);
     if (method_.adaptive || watches.empty() || progress.outcome == Outcome::interrupted)
@@ -96,7 +96,7 @@ class WatchedMotion {
     return false;
   }
 
-  // Whether the step under way shows `located` at `step` s behind the tick with no event before that.
+  // Whether the step under way reaches `step` s behind the tick without an event; `located` is then the state there.
   bool coast(std::int64_t tick, double from) {
     double into;
     if (number_ != motion_->number || !motion_->spans(tick, from, step_, into)) return false;
@@ -137,8 +137,8 @@ class WatchedMotion {
     return Found::crossing;
   }
 
-  // A step is looked through in panels, each as long as all before, no farther ahead than needed. The first is short,
-  // for what has just begun; a step can be long beyond measure, as where nothing but gravity acts on a slide.
+  // A step is searched in panels, no farther ahead than needed; each panel is as long as all before it. The first one
+  // is short, for motions that have just begun. A step can be extremely long, as when only gravity acts on a slide.
   double end_of_panel() const {
     if (!motion_->reads_densely()) return length_;
     double end = std::fmin(0.0625 * length_, 4.0 * step_);
@@ -147,7 +147,7 @@ class WatchedMotion {
     return std::fmin(end, length_);
   }
 
-  // What a step needs to be looked through: the margin of lambda for rounding, and the ends to read between.
+  // Prepares the search of a step: the margin of lambda for rounding, and the two ends to interpolate between.
   bool prepare_search(Progress& progress) {
     if (!motion_->reads_densely() || holds_) {
       if (!show(0.0, located, progress) || !effort_.accelerate(located, progress)) return false;
@@ -165,7 +165,7 @@ class WatchedMotion {
     return true;
   }
 
-  // later_ <- `time` s into the step: as it is read, or where that costs a step, between its ends.
+  // later_ <- the state `time` s into the step: by dense output, or else interpolated between its ends.
   bool read(double time, Progress& progress) {
     if (motion_->reads_densely()) return show(time, later_, progress);
     between_.read(time, later_);
@@ -195,7 +195,7 @@ class WatchedMotion {
     return true;
   }
 
-  // From an interval in which some watches cross zero to the first crossing.
+  // Finds the first crossing in an interval in which some watches cross zero.
   Found locate(Progress& progress) {
     double low = search_.low, high = search_.high;
     values_.assign(search_.high_values(), search_.high_values() + watches.size());
@@ -224,8 +224,7 @@ class WatchedMotion {
     return Found::crossing;
   }
 
-  // Where a step of its own tells more than reading between the ends did, the step ends there, and the way to there is
-  // looked through once more.
+  // If interpolation is not exact enough, the step is made to end there and is searched once more.
   Found end_step_there(Progress& progress) {
     if (!effort_.accelerate(located, progress)) return Found::failed;
     between_.end(located, part_.acceleration, event_at_);
@@ -233,7 +232,7 @@ class WatchedMotion {
     return Found::nothing;
   }
 
-  // The same by steps that end there: the crossing between the ends is a first guess, secants do the rest.
+  // The same by steps that end at the crossing, which the secant method finds from the interpolated one.
   Found locate_by_steps(Progress& progress) {
     const int w = violated[0];
     const double guess = event_at_, reach = 1e-3 * (search_.high - search_.low);
@@ -248,7 +247,7 @@ class WatchedMotion {
       other = time, f_other = f, time = next;
       if (!(time >= search_.low && time <= search_.high)) break;
     }
-    // Not that easily found: between a step that has not crossed and one that has.
+    // Without success: bisection between a step that has not crossed and one that has.
     double low = search_.low, high = search_.high;
     if (!take_step(low, progress)) return Found::failed;
     const double f_low = values_[w];
@@ -263,7 +262,7 @@ class WatchedMotion {
     return take_step(high, progress) ? settle_on(high) : Found::failed;
   }
 
-  // Whether the step can end where `located` is, `time` s into it, rather than all along.
+  // Whether the step can end at `located`, `time` s into it.
   bool can_end_at(double time) {
     if (!(time > 1e-6 * length_ && time < length_)) return false;
     event_at_ = time;
@@ -292,7 +291,7 @@ class WatchedMotion {
     return false;
   }
 
-  // A gap and a rate to all the digits that there are, for what has just begun.
+  // A gap and a rate in twice double precision, for motions that have just begun.
   double value(const Watch& watch, const JointState& state) const {
     const int j = watch.joint, k = watch.index;
     switch (watch.kind) {
@@ -317,7 +316,7 @@ class WatchedMotion {
   bool holds_ = false;  // whether any watch is of lambda
   EventSearch search_;
   HermiteStep between_;
-  std::int64_t number_ = -1;                               // of the step that is looked through
+  std::int64_t number_ = -1;                               // of the step that is searched
   double length_ = 0.0, searched_ = 0.0, event_at_ = 0.0;  // s: of the step; into it, so far; of the event
   double shown_ = none;                                    // s into the step where `located` is, if it is anywhere
   std::vector<double> values_;

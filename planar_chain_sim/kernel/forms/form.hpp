@@ -19,7 +19,7 @@ class FormOf {
   const Truth<Real>& good() const { return good_; }
 
  protected:
-  // A single scene ends where a pivot is none; of several the others go on.
+  // A single scene ends at a pivot that is too small; of several scenes the others go on.
   bool stops_at(const Truth<Real>& pivot_is_one) {
     if constexpr (lanes_in<Real> == 1) return !pivot_is_one;
     good_ = good_ & pivot_is_one;

@@ -43,7 +43,7 @@ class Jacobian {
     }
   }
 
-  // The same without `mass`, for those who have H otherwise.
+  // The same without `mass`, for callers that have H already.
   void compute_derivatives(const double* position, const double* velocity, const double* acceleration) {
     move(position, velocity, acceleration);
     gather();
@@ -67,12 +67,12 @@ class Jacobian {
   struct Motion {
     double angle = 0.0, cosine = 1.0, sine = 0.0, rate = 0.0, angular = 0.0;  // phi, phi', phi''
     Vec lever, axis, velocity, acceleration;                                  // R, chi, v, a of the joint point
-    Vec slid, sliding;  // what all outboard points gain in acceleration by a slide's x and by its x'
+    Vec slid, sliding;  // change of all outboard points' acceleration by a slide's x and by its x'
     double mass = 0.0, inertia = 0.0, moment_of_velocity = 0.0;  // M, I, G
     Vec moment, force, momentum;                                 // D, F, p
   };
 
-  // What a joint's coordinate adds to the force and, about P_i, to the torque at every carrier.
+  // Change of the force and, about P_i, of the torque at every carrier by a joint's coordinate.
   struct Effect {
     Vec force;
     double torque;
@@ -137,7 +137,7 @@ class Jacobian {
     }
   }
 
-  // What the joints of link i do to those inboard.
+  // Effect of the joints of link i on those inboard.
   Effects effects_of(int i) const {
     const Motion& s = links_[i];
     Effects effects;
@@ -190,8 +190,8 @@ class Jacobian {
         if (row >= 0 && column >= 0) mass[at(column, row)] = mass[at(row, column)];
   }
 
-  // Less the derivative of a wrench's joint efforts (equations.md 6.5): of the arms r - P_k, the slides' directions and, where it
-  // turns with its link, the force.
+  // Less the derivative of a wrench's joint efforts (equations.md 6.5): of the arms r - P_k, the slides' directions
+  // and, where it turns with its link, the force.
   void take(const Wrench& wrench) {
     const Motion& own = links_[wrench.link];
     Vec force = {wrench.force_x, wrench.force_y};

@@ -1,4 +1,4 @@
-// What becomes of an evaluation of the equations, of a step, of a run.
+// Outcomes of an evaluation of the equations, of a step, of a run.
 #pragma once
 
 #include <cmath>
@@ -21,14 +21,14 @@ inline const char* name_of(Outcome outcome) {
   return nullptr;
 }
 
-// Pivots are made of squares of positions: where these overflow or are no numbers, no pivot can be judged.
+// Pivots contain squares of positions: if these overflow or are NaN, no pivot can be judged.
 inline Outcome singular_or_not_finite(const double* position, int joints) {
   for (int i = 0; i < joints; ++i)
     if (!std::isfinite(position[i] * position[i])) return Outcome::not_finite;
   return Outcome::singular;
 }
 
-// What became of an evaluation at `position` that named `joint`.
+// Outcome of an evaluation at `position` that named `joint`.
 inline Outcome outcome_of(int joint, const double* position, int joints) {
   return joint < 0 ? Outcome::good : singular_or_not_finite(position, joints);
 }

@@ -14,7 +14,7 @@
 
 namespace planar_chain {
 
-// What links outboard of a joint add to the balance of its carrier.
+// The share of the links outboard of a joint in the balance of its carrier.
 template <class Real>
 struct OutboardOf {
   SymOf<Real> articulated;                        // B, then A
@@ -30,7 +30,7 @@ struct OutboardOf {
   }
 };
 
-// What a link carries during one evaluation; slot 0 is the base, at rest.
+// The numbers of a link during one evaluation; slot 0 is the base, at rest.
 template <class Real>
 struct LinkStateOf {
   Real rate = 0.0;                               // phi_i'
@@ -49,7 +49,7 @@ struct LinkStateOf {
   Real torque_carried = 0.0;                     // P Q_phi, tau_i before its sign, inverse dynamics alone
 };
 
-// A pivot at or below this fraction of its scale is no pivot: equations.md 7, "Guard".
+// A pivot at or below this fraction of its scale is taken as zero: equations.md 7, "Guard".
 constexpr double singular_pivot = 100.0 * std::numeric_limits<double>::epsilon();
 
 // `Plain`: every link turns and does nothing else, as in trees of rotations without armature.
@@ -75,7 +75,7 @@ class RecursionOf final : public FormOf<Real> {
     return forward(position, nullptr, velocity, effort, acceleration);
   }
 
-  // The same at position + remainder: angles that are known beyond double precision keep what they have.
+  // The same at position + remainder, for angles that are known beyond double precision.
   int forward(const Real* position, const Real* remainder, const Real* velocity, const Real* effort,
               Real* acceleration) {
     if constexpr (lanes_in<Real> > 1) this->good_ = -1;
@@ -87,7 +87,7 @@ class RecursionOf final : public FormOf<Real> {
     return -1;
   }
 
-  // After forward(), with its factors: what the joint efforts `effort` alone add to the accelerations, H x = effort.
+  // After forward(), with its factors: the accelerations that the joint efforts `effort` alone cause, H x = effort.
   void respond(const Real* effort, Real* acceleration) {
     Vec bias;
     Real torque = 0.0;
@@ -143,8 +143,8 @@ class RecursionOf final : public FormOf<Real> {
     for (int i = chain_.link_count(); i >= 1; --i) balance(i, acceleration, effort);
   }
 
-  // After inverse(): of what size the sums are that make up its efforts, zero where nothing is added: to judge how far
-  // rounding can carry them. Gravity by component, so that what is exact by an angle of zero stays so.
+  // After inverse(): the sizes of the sums in its efforts, zero where nothing is added, to bound their rounding errors.
+  // Gravity by component, so that a component that is exactly zero adds nothing.
   void sizes(const Real* velocity, const Real* acceleration, Real* size);
 
   // After forward(): what accelerations of the joints an effort of 1 gives, with all joints inboard held.
@@ -188,7 +188,7 @@ class RecursionOf final : public FormOf<Real> {
     }
   }
 
-  // The same for angles position + remainder, summed with what rounding loses.
+  // The same for angles position + remainder, summed with their rounding errors.
   void turn_beyond_double(const Real* position, const Real* velocity, const Real* remainder) {
     if (low_.empty()) low_.resize(angle_.size());
     for (int i = 1; i <= chain_.link_count(); ++i) {
@@ -220,7 +220,7 @@ class RecursionOf final : public FormOf<Real> {
     s.moment = rotate(link.moment_x, link.moment_y, cosine_[i], sine_[i]);
   }
 
-  // Leaf to root. What a link hands on stays in registers where its carrier comes next, as all along a serial chain.
+  // Leaf to root. The share that a link passes on stays in registers if its carrier comes next, as in a serial chain.
   int eliminate(const Real* position, const Real* velocity, const Real* effort) {
     Outboard sum;
     for (int i = chain_.link_count(); i >= 1; --i) {
@@ -250,7 +250,7 @@ class RecursionOf final : public FormOf<Real> {
     Vec h = perp(s.moment) + sum.coupling;
     Vec b = sum.bias - (s.rate * s.rate) * s.moment;
     Real inertia = link.inertia + sum.inertia, torque = sum.torque, scale = link.inertia + sum.scale;
-    Real reaction = 0.0;  // what the joint's own effort does to the carrier
+    Real reaction = 0.0;  // effect of the joint's own effort on the carrier
     // Three components (h, I, t) go on to a carrier whose angle is the link's own or which a rotor couples to it.
     const bool three = !turns(link) || has_rotor(link);
 
@@ -336,7 +336,7 @@ class RecursionOf final : public FormOf<Real> {
     }
   }
 
-  // Inverse dynamics, root to leaf: a_i and what link i needs, F_i and Q_i, before its children are added.
+  // Inverse dynamics, root to leaf: a_i, and F_i and Q_i of link i before its children are added.
   void accelerate(int i, const Real* acceleration) {
     const Link& link = chain_.links[i];
     LinkState& s = state_[i];
@@ -366,7 +366,7 @@ class RecursionOf final : public FormOf<Real> {
   const ChainOf<Real>& chain_;
   std::vector<LinkState> state_;
   AlignedVector<Real> angle_, sine_, cosine_;  // phi_i, e^(j phi_i); slot 0 is the base, the last block is padded
-  std::vector<Real> low_;                      // what phi_i is beyond double precision, where that is known
+  std::vector<Real> low_;                      // the part of phi_i below double precision, where that is known
 };
 
 using Recursion = RecursionOf<double>;
@@ -375,7 +375,7 @@ template <class Real, bool Plain>
 void RecursionOf<Real, Plain>::sizes(const Real* velocity, const Real* acceleration, Real* size) {
   const auto magnitude = [](const Real& x) { return x < Real(0.0) ? -x : x; };
   const auto both = [&](const Vec& v) { return magnitude(v.x) + magnitude(v.y); };
-  // An angle is a rounded sum, so that a vector turned by it is off in each component by part of both.
+  // An angle is a rounded sum, so each component of a vector turned by it has an error from both components.
   const auto turned = [&](const Vec& v, int link) {
     return sine_[link] == Real(0.0) ? Vec{magnitude(v.x), magnitude(v.y)} : Vec{both(v), both(v)};
   };

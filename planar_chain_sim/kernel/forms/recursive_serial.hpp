@@ -1,6 +1,7 @@
 // The recursion of equations.md 6.2 for the commonest scene: a serial chain whose links turn and do nothing else.
-// Numbers of one kind lie side by side, so that all that a link alone decides is computed for several at once, and what
-// runs from link to link waits for as little as possible: from pivot to pivot one division and two multiplications.
+// Numbers of one kind lie side by side, so whatever depends on one link alone is computed for several links at once.
+// The chain of dependent operations from link to link is short: from pivot to pivot one division and two
+// multiplications.
 #pragma once
 
 #include <vector>
@@ -155,8 +156,8 @@ class SerialRecursionOf final : public WideForm<SerialRecursionOf<Real>, Real> {
     }
   }
 
-  // One step of iterative refinement (equations.md 7): what inverse dynamics (6.1) finds missing in Q is answered with
-  // the same factors.
+  // One step of iterative refinement (equations.md 7): inverse dynamics (6.1) gives the residual of Q, and the same
+  // factors solve for the correction.
   void refine(const Real* effort, Real* acceleration) {
     const Real *const m = row(mass), *const own = row(inertia), *const signs = row(sign);
     const Real *const hx = row(coupling_x), *const hy = row(coupling_y), *const qx = row(bias_x),

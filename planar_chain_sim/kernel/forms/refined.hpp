@@ -38,8 +38,8 @@ class RefinedRecursionOf final : public FormOf<Real> {
   std::vector<Real> residual_, correction_;
 };
 
-// A chain needs it where it moves an acceleration by more than this, relative to the largest, at one of a few fixed
-// states: the straight one at rest under efforts, where it is stiffest, and irregular ones.
+// A chain needs refinement if it changes an acceleration by more than this, relative to the largest, at one of a few
+// fixed states: the straight one at rest under efforts, where the chain is stiffest, and irregular ones.
 constexpr double most_correction = 1e-14;
 
 inline bool needs_refinement(const Chain& chain) {
@@ -51,7 +51,7 @@ inline bool needs_refinement(const Chain& chain) {
       const double turn = 0.6180339887498949 * static_cast<double>((i + 1) * (trial + 1)),
                    part = turn - std::floor(turn);
       position[i] = trial == 0 ? 0.0 : 2.0 * part, velocity[i] = trial == 0 ? 0.0 : 1.0 - part;
-      effort[i] = trial == 0 ? 1.0 - 2.0 * part : 0.0;  // straight, it may well be in balance but for this
+      effort[i] = trial == 0 ? 1.0 - 2.0 * part : 0.0;  // a straight chain may be in balance without efforts
     }
     if (form.forward(position.data(), velocity.data(), effort.data(), acceleration.data()) >= 0) continue;
     double largest = 0.0, moved = 0.0;

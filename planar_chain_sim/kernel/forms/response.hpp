@@ -1,6 +1,6 @@
 // H^-1 times many columns of joint efforts, by the factors that a recursion keeps from its last evaluation
-// (equations.md 6.2 and 6.3): its own way out and back, with the columns in lanes. Time O(links) a column, and the
-// recursion's digits.
+// (equations.md 6.2 and 6.3): a recursion of its own, leaf to root and back, with the columns in lanes. It takes time
+// O(links) a column and is as exact as the recursion.
 #pragma once
 
 #include <cstddef>
@@ -26,7 +26,7 @@ class Response {
 
   double* row(int joint) { return &columns_[static_cast<std::size_t>(joint) * stride_]; }
 
-  // Efforts in the columns give way to the accelerations that they alone cause. False where one is not finite.
+  // Replaces the efforts in the columns by the accelerations that they alone cause. False if one is not finite.
   bool solve() {
     bool finite = false;
     with_width(width_, [&](auto vectors) {
@@ -40,8 +40,8 @@ class Response {
  private:
   static constexpr int widest = 8;  // numbers in a vector
 
-  // What a link has of the recursion's factors, the same in every lane, and what it keeps of one block of columns.
-  // Slot 0 is the base.
+  // A link's factors of the recursion, the same in every lane, and its numbers for one block of columns. Slot 0 is the
+  // base.
   template <class Real>
   struct LinkShare {
     VecOf<Real> across, turn_row, slide_axis, slide_row;  // `across`: the lever, turned by a quarter

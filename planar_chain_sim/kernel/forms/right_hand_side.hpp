@@ -1,9 +1,9 @@
-// The efforts that act at a state, in one place: actuators, joint laws, wrenches; and positions without whole turns, as
-// the forms take them. Every integrator, the events and the border to Python ask here.
+// The efforts that act at a state, in one place: actuators, joint laws, wrenches; and positions without whole turns for
+// the forms. Every integrator, the events and the border to Python use this header.
 //
 //   tau = tau_actuator + laws(theta, theta') + wrenches(theta)      (equations.md 4, 6.5),   H theta'' + h = tau
 //
-// Laws see the whole angle, a spring knows its turns; trigonometry sees it without whole turns (whole_turns.hpp).
+// Laws take the whole angle, as a spring counts turns; trigonometry takes it without whole turns (whole_turns.hpp).
 #pragma once
 
 #include <vector>
@@ -22,10 +22,10 @@ class RightHandSideOf {
   RightHandSideOf(const ChainOf<Real>& chain, const JointForcesOf<Real>& forces)
       : forces_(forces), turns_(chain), joints_(chain.joint_count), effort_(chain.joint_count), near_(0) {}
 
-  // Before the first evaluation at or near `base`.
+  // To be called before the first evaluation at or near `base`.
   PLANAR_CHAIN_INLINE void start(const Real* base) { far_ = turns_.find(base); }
 
-  // Whether any joint at `base` has many turns behind it: only then is `way` read below.
+  // Whether any joint at `base` has made many turns: only then is `way` used below.
   bool far() const { return far_; }
 
   // All efforts at `position`, which is base + way, from which whole turns are left out.
@@ -38,7 +38,7 @@ class RightHandSideOf {
     return effort_.data();
   }
 
-  // All efforts at `position`, of which near_position() then is what is left without whole turns.
+  // All efforts at `position`; near_position() is then `position` without whole turns.
   const Real* efforts(const Real* position, const Real* velocity, const Real* actuator) {
     for (int i = 0; i < joints_; ++i) effort_[i] = actuator[i];
     if (forces_.passive()) forces_.add_passive(position, velocity, effort_.data());

@@ -1,5 +1,5 @@
-// One function for the machine at hand: Form::forward compiled twice, for 256-bit vectors and for those that every
-// machine has. Without contraction both give the same bits.
+// Form::forward compiled twice, for 256-bit vectors and for those that every machine has; the machine decides which one
+// runs. Without contraction both give the same bits.
 #pragma once
 
 #include "../arithmetic/lanes.hpp"

@@ -1,12 +1,12 @@
-// How far a run of fixed steps has come from the true motion: an estimate beside it, which changes no bit of it.
+// Estimates the accumulated error of a run of fixed steps. The estimate changes no bit of the run.
 //
-// Ticks are looked at some at a time. The same way is gone once more by steps `ratio` times as long (Richardson): both
-// ends differ by (ratio^order - 1) times what the ticks are off. What was off before is carried on as the tangent map
-// does: chaos makes it grow, damping makes it fade.
+// Ticks are checked in groups. The same time is integrated again by steps `ratio` times as long (Richardson): the two
+// ends differ by (ratio^order - 1) times the error of the group. The error from before the group is propagated by the
+// tangent map: chaos makes it grow, damping makes it fade.
 //
-// Where ticks are short, one step of the tangent's own (RK4) is as long as many of them. It takes the accelerations of
-// the run itself on the way, and as long as little is off, Richardson's way is gone for some of the looks alone. Where
-// that step is too long, or ticks are, what is off is carried by going the way also from a state that is as much off.
+// If ticks are short, one RK4 step of the tangent map is as long as a whole group (a quick check). It uses the run's
+// own accelerations, and while the error is small only some of the checks do the Richardson part. If that step or the
+// ticks are too long, the error is propagated by a second integration that starts from a state with this error.
 #pragma once
 
 #include <algorithm>
@@ -31,12 +31,12 @@ class AccumulatedError {
     restart();
   }
 
-  // s from a start in which errors are followed: chaos makes much more of the smallest one later than anybody can tell.
+  // s after a start in which the error is estimated: later, chaos makes even the smallest error unpredictable.
   static constexpr double horizon = 10.0;
-  // rad or m that is too much.
+  // Error, rad or m, that is too large.
   static constexpr double most = 0.03;
 
-  // From the next state on, which is taken for right.
+  // Starts again from the next state, which is taken as exact.
   void restart() {
     left_ = horizon / tick_length_ + 0.5, ticks_ = first_, wait(1);
     off_ = JointState(joints_), trusted_for_ = caution_left_ = looks_ = 0, closed_ = false, fresh_size_ = 0.0;
@@ -44,30 +44,30 @@ class AccumulatedError {
     skip();
   }
 
-  // For good, until restart().
+  // Stops the estimate until restart().
   void stop() { left_ = 0.0, wait(std::numeric_limits<std::int64_t>::max()); }
 
-  // Whether there is an estimate already and still.
+  // Whether there is an estimate at present.
   bool followed() const { return closed_ && left_ > 0.0; }
 
-  // The effort of the ticks that come.
+  // Sets the effort of the next ticks.
   void effort(const double* actuator) {
     if (std::memcmp(held_.data(), actuator, held_.size() * sizeof(double)) == 0) return;
     add_effort();
     std::copy(actuator, actuator + joints_, held_.begin());
   }
 
-  // Ticks up to the next look.
+  // Ticks until the next check.
   std::int64_t to_go() const { return to_go_; }
 
-  // So many have been done: whether to look.
+  // Counts ticks that have been made; whether it is time for a check.
   bool due(std::int64_t ticks) { return (to_go_ -= ticks) == 0; }
 
-  // After the tick from `state` to `next`, when it is time. The run's `method` has
-  //   acceleration()                         that `state` had
-  //   accelerate(state, actuator, out)       those of another one; false where there are none
-  //   walk(state, actuator, length, next)    a step of another length; false where it cannot
-  // True where the estimate has been made anew.
+  // The check after the tick from `state` to `next`, when due() says so. The run's `method` has
+  //   acceleration()                         the accelerations at `state`
+  //   accelerate(state, actuator, out)       accelerations at another state; false if there are none
+  //   walk(state, actuator, length, next)    a step of another length; false if it fails
+  // Returns whether there is a new estimate.
   template <class Method>
   bool look(const JointState& state, const JointState& next, Method& method) {
     add_effort();
@@ -93,7 +93,7 @@ class AccumulatedError {
     return true;
   }
 
-  // After a part of a tick, of which nothing is known: goes on from there.
+  // After a part of a tick, whose error is not estimated: starts a new group from there.
   void skip() {
     left_ -= static_cast<double>(wait_ - to_go_);
     done_ = -1, gap_ = 0.0, quick_ = quick_fits(least_quick_), wait(1);
@@ -108,22 +108,23 @@ class AccumulatedError {
   }
 
  private:
-  // Two ways that end so near to each other, rad or m, are the same motion.
+  // Two integrations whose ends differ by less than this, rad or m, follow the same motion.
   static constexpr double near = 0.001, quick_near = 0.02;
-  // Ticks that are looked at together, and the longest step of the tangent, s.
+  // Number of ticks in a group, and the longest step of the tangent map, s.
   static constexpr std::int64_t most_ticks_ = 256, least_quick_ = 4, most_quick_ = 64;
   static constexpr double longest_quick = 0.07;
-  // A step of the tangent's whose last term is such a part of it is too long; should be halved; may be doubled.
+  // Ratio of the last term to the whole in a step of the tangent map: above these the step is wrong, or should be
+  // halved; below the last one it may be doubled.
   static constexpr double wrong_part = 0.5, large_part = 0.15, small_part = 0.012;
-  // One look in so many goes Richardson's way while the error is below such a part of what is too much.
+  // One check in `seldom` does the Richardson part while the error is below this part of what is too large.
   static constexpr int seldom = 4;
   static constexpr double little = 0.1, little_of_first_order = 0.03;
-  // Looks at more joints than so many, which move fast, may cost one tick in so many, while the error is below such a
-  // part of what is too much, and ticks are short.
+  // With more joints than few_joints, checks may cost one tick in `share`, while the error is below very_little of what
+  // is too large and ticks are short.
   static constexpr int few_joints = 8;
   static constexpr double share = 32.0, very_little = 0.01;
 
-  // As many as are 16 ms, a power of two.
+  // Ticks in 16 ms, as a power of two.
   static std::int64_t first_ticks(double tick_length) {
     std::int64_t ticks = 1;
     while (ticks < 16 && 2.0 * static_cast<double>(ticks) * tick_length <= 0.0165) ticks *= 2;
@@ -136,14 +137,14 @@ class AccumulatedError {
     return ticks_ >= least && static_cast<double>(ticks_) * tick_length_ <= longest_quick;
   }
 
-  // Of the ticks since it was last added.
+  // Adds the effort of the ticks since the last call.
   void add_effort() {
     const double ticks = static_cast<double>(marked_ - to_go_);
     for (int i = 0; i < joints_; ++i) effort_[i] += ticks * held_[i];
     marked_ = to_go_;
   }
 
-  // Whether what has been looked at is paid for by ticks that are not; what is off in them is leave_out()'s.
+  // Whether to skip some ticks, to make up for the cost of the checks; leave_out() extrapolates their error.
   bool pause() {
     int joint = 0;
     if (joints_ <= few_joints || first_ < least_quick_ || debt_ < 1.0) return false;
@@ -155,7 +156,7 @@ class AccumulatedError {
 
   static constexpr double natural = 0.6931471805599453;  // ln 2
 
-  // Of `work` ticks' work for `ticks` of the run.
+  // Counts the cost of `work` additional ticks in `ticks` ticks of the run.
   void pay(double work, double ticks) { debt_ = std::fmax(debt_ + share * work - ticks, -share); }
 
   void leave_out() {
@@ -166,13 +167,13 @@ class AccumulatedError {
     gap_ = 0.0;
   }
 
-  // The mean over some of the last ticks of how fast what is off grows.
+  // Updates the mean rate of growth of the error over the last checks.
   void grown(double before, double after) {
     if (!(before > 1e-200 && after > 1e-200)) return;
     growth_ += (rough_log2(after / before) * natural / static_cast<double>(ticks_) - growth_) / 8.0;
   }
 
-  // (position, velocity, acceleration, effort) of the run at `state`
+  // Stores (position, velocity, acceleration, effort) of the run at `state`.
   template <class Method>
   void keep(std::vector<double>& point, const JointState& state, Method& method) {
     const double* acceleration = method.acceleration();
@@ -184,7 +185,7 @@ class AccumulatedError {
     }
   }
 
-  // After so many more ticks: looks where all are done, and goes on from `next`.
+  // After `ticks` more ticks: checks the group if it is complete, and starts the next one from `next`.
   template <class Method>
   bool close_after(std::int64_t ticks, const JointState& next, Method& method) {
     done_ += ticks;
@@ -199,7 +200,7 @@ class AccumulatedError {
     return true;
   }
 
-  // What the ticks to `next` are off, and how far both ways end apart; returns the ratio.
+  // Error of the ticks that end at `next`, and the distance `apart` between the two ends; returns the ratio.
   template <class Method>
   double richardson(const JointState& next, double near, Method& method, double& apart) {
     double ratio = static_cast<double>(ticks_);
@@ -226,11 +227,11 @@ class AccumulatedError {
     const double ratio = richardson(next, near, method, apart);
     if (!closed_) return pay(walked_, all);
     fresh_size_ = largest_of(fresh_), fresh_ticks_ = ticks_, times_ = 1.0, looks_ = 0;
-    const double good = carry(ratio, method);  // up to which both can be trusted
+    const double good = carry(ratio, method);  // largest ratio at which both can be trusted
     grown(before, largest_of(off_)), pay(walked_, all);
     add(1.0);
     --caution_left_;
-    // Longer ones, if they are going to be near still, and if it is not long ago that they were too long.
+    // Larger groups, if their ends will still be near and groups have not been too large recently.
     if (good < all) ticks_ = good < 1.0 ? 1 : static_cast<std::int64_t>(good), caution_left_ = caution;
     else if (apart <= near / power(2.0, order_ + 1) && ticks_ < most_ticks_ && caution_left_ <= 0) ticks_ *= 2;
   }
@@ -242,11 +243,11 @@ class AccumulatedError {
     }
   }
 
-  // From here_ by half_way_ to there_, which is at `state`.
+  // A quick check of the group from here_ through half_way_ to there_, which is at `state`.
   template <class Method>
   void quick_close(const JointState& state, Method& method) {
     const double all = static_cast<double>(ticks_);
-    for (int i = 0; i < joints_; ++i) effort_[i] -= held_[i];  // of the tick that goes on from there
+    for (int i = 0; i < joints_; ++i) effort_[i] -= held_[i];  // the tick that begins there is not in the group
     const double part = tangent_step(method);
     const bool wrong = !(part <= wrong_part);
     int joint = 0;
@@ -269,7 +270,7 @@ class AccumulatedError {
       double apart = 0.0;
       richardson(state, quick_near, method, apart);
       if (!closed_) return pay(walked_ + 1, all);
-      // Seen seldom, it may have been large in between.
+      // It is estimated seldom and may have been larger in between.
       const double size = largest_of(fresh_);
       fresh_size_ = std::fmax(size, 0.5 * fresh_size_), fresh_ticks_ = ticks_;
       times_ = size > 0.0 ? fresh_size_ / size : 1.0;
@@ -284,7 +285,7 @@ class AccumulatedError {
       ticks_ *= 2;
   }
 
-  // Carries what is off in one step of RK4; returns the part of it that its last term is.
+  // Propagates the error by one RK4 step of the tangent map; returns the ratio of its last term to the whole.
   template <class Method>
   double tangent_step(Method& method) {
     const double length = static_cast<double>(ticks_) * tick_length_, before = largest_of(off_);
@@ -311,7 +312,7 @@ class AccumulatedError {
     return std::isfinite(after) ? last / std::fmax(before, after) : HUGE_VAL;
   }
 
-  // How fast that changes which is off by start + length * slope at a point of the run.
+  // Rate of change of the error start + length * slope at a point of the run.
   template <class Method>
   bool tangent(const std::vector<double>& point, const double* start, const double* slope, double length, double* out,
                Method& method) {
@@ -337,7 +338,7 @@ class AccumulatedError {
 
   static double shorter(double ratio) { return ratio > 2.0 ? 0.5 * ratio : 0.5; }
 
-  // The way of ticks_ ticks from `state` by steps of ratio * tick_length_.
+  // Integrates ticks_ ticks from `state` by steps of ratio * tick_length_.
   template <class Method>
   bool go(const JointState& state, double ratio, JointState& end, Method& method) {
     const std::int64_t steps = static_cast<std::int64_t>(static_cast<double>(ticks_) / ratio);
@@ -350,9 +351,9 @@ class AccumulatedError {
     return true;
   }
 
-  // Carries what is off along the way, of which end_ is the end by steps of that ratio; returns the ratio at which that
-  // can be trusted. A step too long for a stiff joint makes differences grow that the motion does not show: where they
-  // grow, steps half as long must tell the same.
+  // Propagates the error over the group by a second integration; end_ is the end of the first one, by steps of the same
+  // ratio. Returns the ratio at which the result can be trusted. A step too long for a stiff joint makes differences
+  // grow although the motion does not: if they grow, steps half as long must give the same result.
   template <class Method>
   double carry(double ratio, Method& method) {
     const double size = largest_of(off_);
@@ -389,7 +390,7 @@ class AccumulatedError {
     return ratio;
   }
 
-  // What is off at the end.
+  // The error at the end, from the difference of the two integrations.
   template <class Method>
   bool spread(double ratio, double scale, JointState& carried, Method& method) {
     if (!go(beside_from_, ratio, beside_, method)) return false;
@@ -419,31 +420,31 @@ class AccumulatedError {
     return most;
   }
 
-  // How long growth is trusted, and how long no more ticks are taken together after too many were: times of looking.
+  // Number of checks for which growth is trusted, and for which groups stay small after one was too large.
   static constexpr int trust = 16, caution = 16;
 
   const int order_;
   const double tick_length_;
   const int joints_;
   const std::int64_t first_;
-  double left_ = 0.0;                   // ticks that are still followed
-  std::int64_t wait_ = 1, to_go_ = 1;   // ticks from the last look to the next, and those of them that are to come
+  double left_ = 0.0;                   // ticks for which the error is still estimated
+  std::int64_t wait_ = 1, to_go_ = 1;   // ticks from the last check to the next, and how many of them are left
   std::int64_t marked_ = 1;             // to_go_ when the effort was last added
-  std::int64_t ticks_ = 1, done_ = -1;  // how many are looked at together, how many are done; -1: none has begun
-  bool quick_ = false;                  // whether by a step of the tangent
-  bool closed_ = false;                 // whether any have been looked at
+  std::int64_t ticks_ = 1, done_ = -1;  // ticks in a group, and how many of them are done; -1: no group has begun
+  bool quick_ = false;                  // whether the next check is a quick one
+  bool closed_ = false;                 // whether there is an estimate
   int looks_ = 0;
-  JointState from_, end_, beside_, work_;  // where they began, where longer steps lead from there, and from beside it
-  JointState off_, carried_, finer_;       // what the state is off; what of it is left a way later, and by finer steps
-  JointState fresh_, beside_from_;         // what fresh_ticks_ ticks are off, when that was last seen
+  JointState from_, end_, beside_, work_;  // start of the group; ends by longer steps, from there and with the error
+  JointState off_, carried_, finer_;       // the error; the same after the group, and by finer steps
+  JointState fresh_, beside_from_;         // error of the last checked fresh_ticks_ ticks; start with the error
   std::int64_t fresh_ticks_ = 1;
-  double fresh_size_ = 0.0, times_ = 1.0;        // its size, fading; how many times the last one is taken
-  std::vector<double> effort_, held_;            // the sum, then the mean; the last
-  std::vector<double> here_, half_way_, there_;  // keep()
-  std::vector<double> slopes_;                   // what is off, and the tangent's slopes
-  double walked_ = 0.0, debt_ = 0.0;             // steps beside the run; ticks that are to go by for them
-  double gap_ = 0.0, growth_ = 0.0;  // ticks that go by unseen; what is off grows exp(growth_) times in a tick
-  double trusted_ = 0.0;             // ratio up to which growth is trusted
+  double fresh_size_ = 0.0, times_ = 1.0;        // size of fresh_, which fades; the factor by which fresh_ is used
+  std::vector<double> effort_, held_;            // sum, then mean, of the group's efforts; the present effort
+  std::vector<double> here_, half_way_, there_;  // points of the run, see keep()
+  std::vector<double> slopes_;                   // the error and the slopes of the tangent map
+  double walked_ = 0.0, debt_ = 0.0;             // additional steps; ticks to skip for their cost
+  double gap_ = 0.0, growth_ = 0.0;              // skipped ticks; the error grows by exp(growth_) in a tick
+  double trusted_ = 0.0;                         // ratio up to which growth is trusted
   int trusted_for_ = 0, caution_left_ = 0;
 };
 

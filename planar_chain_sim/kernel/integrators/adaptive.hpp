@@ -31,7 +31,7 @@ class AdaptiveStep : public Motion {
     if (stopped(joints())) progress.outcome = Outcome::interrupted;
     else prepare(now, tick, state, actuator);
     while (progress.outcome == Outcome::good && progress.ticks < ticks) {
-      // Where there is no step yet, the next tick may still be now.
+      // If there is no step yet, the next tick may be at the present time.
       if (steps_.length == 0.0 || !covers(since_origin(tick + progress.ticks + 1))) {
         progress.outcome = extend(progress.joint);
         continue;
@@ -64,7 +64,7 @@ class AdaptiveStep : public Motion {
   double look(std::int64_t tick, double offset, double /*limit*/, const JointState& state, const double* actuator,
               bool passed, Progress& progress) override {
     prepare(static_cast<double>(tick) * tick_length_ + offset, tick, state, actuator);
-    if (steps_.length == 0.0) steps_.origin_offset = offset;  // not what is left of it in the sum
+    if (steps_.length == 0.0) steps_.origin_offset = offset;  // exactly, and not as the sum has rounded it
     shown_from_ = since_origin(tick);
     if (steps_.length == 0.0 || passed || into_step(offset) >= steps_.length) {
       progress.outcome = extend(progress.joint);
@@ -134,16 +134,16 @@ class AdaptiveStep : public Motion {
   virtual Outcome expand(const JointState& base, const double* actuator, double& length, double& proposal, int& joint,
                          bool again) = 0;
 
-  // Called before the step that starts at `base` is read anywhere but at its end: what only that needs.
+  // Prepares dense output; called before the step that starts at `base` is read anywhere but at its end.
   virtual Outcome open(const JointState& /*base*/, int& /*joint*/) { return Outcome::good; }
 
   // State at `offset` into the step that starts at `base`, as an unevaluated sum.
   virtual void read(double offset, const JointState& base, JointState& out) const = 0;
 
-  // The same with the right derivatives at the start, so that what sets out from rest goes where it is accelerated.
+  // The same with exact derivatives at the start, so that a joint at rest begins in the direction of its acceleration.
   virtual void read_from_rest(double offset, const JointState& base, JointState& out) const { read(offset, base, out); }
 
-  // |position| that a tolerance is relative to: whole turns do not make an angle less exact.
+  // |position| for a relative tolerance: whole turns do not make it wider.
   double size_of_position(int joint, const JointState& state) const {
     const double size = std::fabs(state.position[joint]);
     return size > most_[joint] ? most_[joint] : size;
@@ -158,8 +158,8 @@ class AdaptiveStep : public Motion {
     JointState base;                                  // the state at `from`
     std::int64_t origin = 0;                          // tick at or behind which they began
     double origin_offset = 0.0;                       // s, how far behind
-    double from = 0.0, from_low = 0.0, length = 0.0;  // s from there, where the present step starts; its length
-    double proposal = 0.0;                            // s, length of the next
+    double from = 0.0, from_low = 0.0, length = 0.0;  // s from there to the start of the present step; its length
+    double proposal = 0.0;                            // s, length of the next one
     bool under_way = false;
 
     explicit Steps(int joints) : running(joints), base(joints) {}
@@ -177,7 +177,7 @@ class AdaptiveStep : public Motion {
     steps_.under_way = true;
   }
 
-  // Keeps the steps that have led to the present state, but for `base`, which the caller is about to replace.
+  // Keeps the steps that have led to the present state, except `base`, which the caller is about to replace.
   void keep() {
     if (keeping_) return;
     kept_.running = steps_.running;
@@ -194,7 +194,7 @@ class AdaptiveStep : public Motion {
     if (steps_.under_way && steps_.length > 0.0) resume();
   }
 
-  // The present step once more; false if it cannot be made.
+  // Repeats the present step; false if that fails.
   bool resume() {
     const Counts counted = counts;
     double length = steps_.length, proposal = steps_.proposal;
@@ -204,7 +204,7 @@ class AdaptiveStep : public Motion {
     return good;
   }
 
-  // Whether these steps give that state then, bit for bit.
+  // Whether these steps give that state at that time, bit for bit.
   bool leads_to(std::int64_t tick, double now, const JointState& state) {
     const bool whole = now == static_cast<double>(tick) * tick_length_;
     const double time = whole ? since_origin(tick) : since_origin_at(now);
@@ -219,7 +219,7 @@ class AdaptiveStep : public Motion {
            same(next_.velocity_remainder, state.velocity_remainder);
   }
 
-  // Whether these steps give about that state then.
+  // Whether these steps give approximately that state at that time.
   bool leads_near(std::int64_t tick, double now, const JointState& state) {
     int joint;
     if (open(steps_.base, joint) != Outcome::good) return false;
@@ -233,7 +233,7 @@ class AdaptiveStep : public Motion {
     return true;
   }
 
-  // Whether that time is in the present step, up to rounding, and the step is not lost in rounding.
+  // Whether that time is in the present step, up to rounding, and the step is longer than rounding.
   bool covers_present(std::int64_t tick, double now) const {
     const double time = since_origin(tick) + (now - static_cast<double>(tick) * tick_length_);
     const double slack =
@@ -241,7 +241,7 @@ class AdaptiveStep : public Motion {
     return time >= steps_.from - slack && time <= steps_.from + steps_.length + slack && 1e4 * steps_.length >= slack;
   }
 
-  // Times are counted from where steps began, in whole ticks: a motion does not depend on when it happens.
+  // Times are counted in whole ticks from where steps began, so that a motion does not depend on its starting time.
   double since_origin(std::int64_t tick) const {
     return static_cast<double>(tick - steps_.origin) * tick_length_ - steps_.origin_offset;
   }
@@ -260,7 +260,7 @@ class AdaptiveStep : public Motion {
 
   void read_at(double time, JointState& out) const { read((time - steps_.from) - steps_.from_low, steps_.base, out); }
 
-  // Goes on by one more step.
+  // Makes one more step.
   Outcome extend(int& joint) {
     if (stopped(64 * joints())) return Outcome::interrupted;
     if (steps_.length > 0.0) {

@@ -30,7 +30,7 @@ class AdaptiveRungeKutta final : public ErrorControlledStep {
     return Outcome::good;
   }
 
-  // The derivative at the end is not asked for where the step is to be rejected.
+  // The derivative at the end is not computed if the step will be rejected.
   Outcome attempt(const JointState& base, double& error, int& joint) override {
     for (int stage = 1; stage < stage_count_; ++stage) {
       const Outcome outcome = evaluate(base, length_, a_[stage], stages_.row(stage), joint);
@@ -100,7 +100,7 @@ class AdaptiveRungeKutta final : public ErrorControlledStep {
     return static_cast<int>(width);
   }
 
-  // Of a pair of estimates, in the way of II.10: large only where both are.
+  // Combines a pair of estimates as in II.10: the result is large only if both are.
   double estimate(const JointState& base) {
     double size[2] = {};
     for (std::size_t row = 0; row < error_.size(); ++row) size[row] = size_of(stages_.weigh(error_[row]), base);

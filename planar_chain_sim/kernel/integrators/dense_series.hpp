@@ -1,8 +1,8 @@
 // The series of a short chain, unrolled for its number of joints: what taylor_dense.hpp fills and reads.
 //
 // Every joint point and mass centre is a sum of constants times a few turning and stretching vectors: E_i = e^(j phi_i)
-// of a link that turns, and Y_w = x_w E_p of one that slides on a carrier p (D of equations.md 3 and 5, with its x taken
-// out). With Z = (E, Y) the equations of 3 are, for constant complex B and inertia,
+// of a link that turns, and Y_w = x_w E_p of one that slides on a carrier p (D of equations.md 3 and 5, with its x
+// taken out). With Z = (E, Y) the equations of 3 are, for constant complex B and inertia,
 //
 //   Gamma_a = sum over b of B_ab Z_b'' - conj(C_a) g      B_ab = sum over k of m_k conj(C_ak) C_bk,
 //                                                         C_ak: coefficient of Z_a in the mass centre C_k
@@ -34,13 +34,13 @@ struct VectorOf<2> {
   using type = Two;
 };
 
-// Slides are few, one as a rule: their loops stay loops. Unrolled as far as there may be slides, each inside the next, they
-// took half of the time in which the kernel is compiled, for nothing.
+// Slides are few, one as a rule: their loops stay loops. Unrolled as far as there may be slides, each inside the next,
+// they took half of the time in which the kernel is compiled, for nothing.
 #define PLANAR_CHAIN_SLIDES(w) _Pragma("GCC unroll 1") for (int w = 0; w < slides; ++w)
 
-// `Angles`: at least the links that turn; they lie side by side in the lanes of vectors, from the root to the leaves, then
-// idle ones that make the number up: uncoupled, of unit inertia, at rest. `Slides`: whether any joint slides; slides are
-// few and go one by one.
+// `Angles`: at least the links that turn; they lie side by side in the lanes of vectors, from the root to the leaves,
+// then idle ones that make the number up: uncoupled, of unit inertia, at rest. `Slides`: whether any joint slides;
+// slides are few and go one by one.
 //
 // A row is made in registers and stored whole: numbers stored one by one could not be loaded as a vector at once.
 template <int Angles, bool Slides>
@@ -231,7 +231,8 @@ class DenseSeries {
     else return (of[0] + of[1]) + (of[2] + of[3]);
   }
 
-  // Sum over j of columns[j] x_j, in pairs: the less there is to wait for. (A returned vector would be a matter of ABI.)
+  // Sum over j of columns[j] x_j, in pairs: the less there is to wait for. (A returned vector would be a matter of
+  // ABI.)
   template <int from = 0, int count = Angles>
   PLANAR_CHAIN_INLINE static void multiply(const Row (&columns)[Angles], const Row& x, int p, Vector& product) {
     if constexpr (count == 1) {
@@ -244,7 +245,7 @@ class DenseSeries {
     }
   }
 
-  // What the angles feel of z at a vector with column B: arm . z = (j E_i) . (B_i z).
+  // Effect of z at a vector with column B on the angles: arm . z = (j E_i) . (B_i z).
   PLANAR_CHAIN_INLINE void reach(const Row& re, const Row& im, Column& x, Column& y) const {
     for (int p = 0; p < parts; ++p) {
       x.lane[p] = unit_x[0](p) * im(p) - unit_y[0](p) * re(p);
@@ -252,7 +253,7 @@ class DenseSeries {
     }
   }
 
-  // What slide w feels of it, E . (B_w z), and its carrier, (j Y_w) . (B_w z).
+  // Effect on slide w, E . (B_w z), and on its carrier, (j Y_w) . (B_w z).
   PLANAR_CHAIN_INLINE void reach(int w, double re, double im, Column& x, Column& y) const {
     const SlideSeries& s = slide[w];
     x.slide[w] = s.unit_x[0] * re + s.unit_y[0] * im, y.slide[w] = s.unit_y[0] * re - s.unit_x[0] * im;
@@ -340,7 +341,7 @@ class DenseSeries {
     return total;
   }
 
-  // What dampers and springs of angles do at order k.
+  // Efforts of dampers and springs of angles at order k.
   PLANAR_CHAIN_INLINE void add_laws(int k, double reciprocal, Row& balance) const {
     for (int p = 0; p < parts; ++p) {
       Vector damp = {}, draw = {};
@@ -354,7 +355,7 @@ class DenseSeries {
   double push_x(const Push& push, int k) const { return push.turns_with >= 0 ? unit_x[k].of[push.turns_with] : k == 0; }
   double push_y(const Push& push, int k) const { return push.turns_with >= 0 ? unit_y[k].of[push.turns_with] : 0.0; }
 
-  // What pushes of order k do to the joints; at order 0 they are among the known efforts.
+  // Joint efforts of pushes at order k; at order 0 they are among the known efforts.
   PLANAR_CHAIN_INLINE void push_joints(int k, Row& balance, Known* of) const {
     for (const Push& push : pushes) {
       const double ex = push_x(push, k), ey = push_y(push, k);
@@ -386,7 +387,8 @@ class DenseSeries {
     }
   }
 
-  // Of slide w at order k what earlier orders decide. Its carrier's bend, of the base none, is in bend_x and bend_y.
+  // The part of slide w at order k that follows from lower orders. bend_x and bend_y have its carrier's bend, 0 for the
+  // base.
   PLANAR_CHAIN_INLINE Known known_of(int w, int k, const Row& bend_x, const Row& bend_y) const {
     const SlideSeries& s = slide[w];
     Known out = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
@@ -450,8 +452,8 @@ class DenseSeries {
     s.pull_x[k] = x, s.pull_y[k] = y;
   }
 
-  // Of the step: the inverse of H, and that times the arms, columns of angles and of slides with the lanes of the angles;
-  // rows of slides over the angles; and between slides.
+  // Of the step: the inverse of H, and that times the arms, columns of angles and of slides with the lanes of the
+  // angles; rows of slides over the angles; and between slides.
   Row inverse_[Angles], answer_x_[Angles], answer_y_[Angles];
   Row slide_inverse_[most_slides], slide_answer_x_[most_slides], slide_answer_y_[most_slides];
   Row row_answer_x_[most_slides] = {}, row_answer_y_[most_slides] = {};

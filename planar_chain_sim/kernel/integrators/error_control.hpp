@@ -27,11 +27,11 @@ class ErrorControlledStep : public AdaptiveStep {
   // Derivative at `base`; `continued`: that is where the last step ended, under the same effort.
   virtual Outcome begin(const JointState& base, bool continued, int& joint) = 0;
 
-  // A step of length_ from base to end_, and the estimated error, scaled as by size_of. Not good: where it leads, the
-  // equations cannot be evaluated.
+  // A step of length_ from base to end_, and its estimated error, scaled as by size_of. Not good: the equations cannot
+  // be evaluated at its end.
   virtual Outcome attempt(const JointState& base, double& error, int& joint) = 0;
 
-  // Terms of dense output, before the step just taken is first read.
+  // Computes the terms of dense output, before the last step is first read.
   virtual Outcome prepare_reading(const JointState& base, int& joint) = 0;
 
   Outcome evaluate(const JointState& base, double step, const Weights& weights, double* derivative, int& joint) {
@@ -96,7 +96,7 @@ class ErrorControlledStep : public AdaptiveStep {
     return outcome;
   }
 
-  // By which factor a step may change for an error, II (4.13).
+  // The factor by which a step may change for this error, II (4.13).
   double change(double error) const {
     if (!std::isfinite(error)) return 0.25;
     if (error <= 1e-9 * tolerance_) return most_growth;

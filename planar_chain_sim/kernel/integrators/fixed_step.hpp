@@ -1,4 +1,4 @@
-// Steps of a fixed size, one a tick, and what their errors are.
+// Steps of a fixed size, one a tick, and estimates of their errors.
 #pragma once
 
 #include <algorithm>
@@ -13,19 +13,20 @@
 
 namespace planar_chain {
 
-// A step that moves a velocity by more than this part of a rad or m per step is looked at; by more than that, any step.
+// A step that changes a velocity by more than suspect_jump rad or m per step may be checked; one by more than
+// violent_jump always is.
 constexpr double suspect_jump = 0.03, violent_jump = 0.5;
 
-// One step a tick. step() changes the state only if the outcome is good; else `joint` is why.
+// One step a tick. step() changes the state only if the outcome is good; else `joint` is the joint to blame.
 //
-// Nothing controls the error of such steps. For the first seconds it is followed as it adds up (accumulated_error.hpp);
-// where velocities jump, and later now and then, one is compared with two half ones. The first that is far off is kept
-// to be warned of. Whether one ends the run, being violent and off by a whole rad or m, depends on that step alone: not
-// on what was looked at before, so that a restored run or a batch ends alike.
+// Nothing controls the error of such steps. For the first seconds the accumulated error is estimated
+// (accumulated_error.hpp). Where velocities jump, and later now and then, one step is compared with two half steps. The
+// first step that is far off is kept for a warning. A violent step that is off by a whole rad or m ends the run. That
+// depends on this step alone and not on earlier checks, so a restored run or a batch ends in the same way.
 class FixedStep : public Motion {
  public:
-  // `most_error_rate`: rad or m a second by which two half steps may differ; 0: the method finds by itself what
-  // is too long.
+  // `most_error_rate`: rad or m a second by which two half steps may differ; 0: the method itself finds steps that are
+  // too long.
   FixedStep(const JointForces& forces, int joints, int order, double tick_length, double most_error_rate)
       : forces_(forces), tick_length_(tick_length), most_error_rate_(most_error_rate), next_(joints), half_(joints),
         halves_(joints), from_(joints), actuator_(joints), accumulated_(joints, order, tick_length) {}
@@ -92,10 +93,10 @@ class FixedStep : public Motion {
   // Accelerations at a state; -1, or the joint whose pivot vanished. Nothing is counted.
   virtual int accelerate(const JointState& state, const double* actuator, double* acceleration) = 0;
 
-  // Those that the last step set out with, or null where it has not computed them.
+  // Accelerations at the start of the last step, or null if it has not computed them.
   virtual const double* first_acceleration() const { return nullptr; }
 
-  // What a step leaves for the next one: not to be lost to steps that are only looked at.
+  // What a step leaves for the next one; steps that only check must not change it.
   virtual int known() const { return 0; }
   virtual void know(int) {}
 
@@ -105,7 +106,7 @@ class FixedStep : public Motion {
  private:
   std::int64_t work() const { return 16 * static_cast<std::int64_t>(actuator_.size()); }
 
-  // What following asks of the run's method.
+  // The run's method as AccumulatedError takes it.
   struct Followed {
     FixedStep& run;
     const double* first;
@@ -126,7 +127,7 @@ class FixedStep : public Motion {
     }
   };
 
-  // Looks what the steps up to that from `state` to `next` are off; the tick where that is too much is kept.
+  // Estimates the error of the steps up to the one from `state` to `next`; keeps the tick at which it is too large.
   void follow(std::int64_t tick, const JointState& state, const JointState& next, const double* actuator) {
     if (!asked || coarse.joint >= 0) return accumulated_.stop();
     const double* first = compared_ == tick ? nullptr : first_acceleration();
@@ -141,7 +142,7 @@ class FixedStep : public Motion {
     if (error > AccumulatedError::most) coarse = {tick, error, joint, true}, accumulated_.stop();
   }
 
-  // Of the step from `state` to next_ that tick `tick` begins with.
+  // Checks the step from `state` to next_ that begins at tick `tick`.
   Outcome judge(std::int64_t tick, double length, const JointState& state, const double* actuator, int& joint) {
     if (most_error_rate_ == 0.0) return Outcome::good;
     int suspect = 0, violent = 0;  // of either sign, counted without branches
@@ -157,7 +158,7 @@ class FixedStep : public Motion {
     return violent != 0 ? outcome : Outcome::good;
   }
 
-  // Whether the jump of a suspected step is larger by half than the one that was looked at within the last eight ticks.
+  // Whether the jump of a suspected step is larger by half than the one checked within the last eight ticks.
   bool grows(std::int64_t tick, const JointState& state) {
     double jump = 0.0;
     for (std::size_t i = 0; i < state.velocity.size(); ++i)
@@ -187,14 +188,14 @@ class FixedStep : public Motion {
   const double most_error_rate_;
   JointState next_, half_, halves_, from_;
   std::vector<double> actuator_;
-  std::int64_t suspected_ = -8;  // tick at which a jump was last looked at
+  std::int64_t suspected_ = -8;  // tick at which a jump was last checked
   double suspected_jump_ = 0.0;  // rad/s or m/s
   double offset_ = 0.0, ahead_ = 0.0;
   Outcome outcome_ahead_ = Outcome::good;
   int joint_ahead_ = -1;
   AccumulatedError accumulated_;
-  std::vector<double> first_;   // accelerations, where the step has not left them
-  std::int64_t compared_ = -1;  // tick at which half steps were taken last
+  std::vector<double> first_;   // accelerations, if the step has not computed them
+  std::int64_t compared_ = -1;  // tick of the last half steps
 };
 
 }  // namespace planar_chain

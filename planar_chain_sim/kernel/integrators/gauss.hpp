@@ -57,7 +57,7 @@ class Gauss final : public FixedStep {
 
  protected:
   Outcome step(const JointState& state, const double* actuator, double length, JointState& next, int& joint) override {
-    if (length != tick_length_) known_ = 0;  // stages of whole steps say nothing of a part
+    if (length != tick_length_) known_ = 0;  // stages of whole steps are of no use for a part
     length_ = length, right_hand_side_.start(state.position.data());
     Outcome outcome = guess(state, actuator, joint);
     if (outcome != Outcome::good) return outcome;
@@ -68,8 +68,8 @@ class Gauss final : public FixedStep {
       if (round > 1 && (outcome != Outcome::good || round == most_rounds || !(change < 1e300)))
         return joint = worst_, Outcome::too_long;
       if (outcome != Outcome::good) return outcome;
-      // Done where the next round would change less than the rounding of an acceleration, or where rounding of angles
-      // and velocities lets changes shrink no further.
+      // Done if the next round would change less than the rounding of an acceleration, or if the rounding of angles and
+      // velocities keeps changes from shrinking further.
       constexpr double rounding = std::numeric_limits<double>::epsilon();
       if (change == 0.0 || (round > 1 && change * change <= before * rounding * increment)) break;
       if (round > 1 && change >= before && change <= 1e4 * rounding * size) break;
@@ -109,7 +109,7 @@ class Gauss final : public FixedStep {
     return weights;
   }
 
-  // Accelerations to start from: the last steps' polynomial where the same effort goes on, else those of the state.
+  // First guess of the accelerations: the last steps' polynomial if the effort is the same, else those of the state.
   Outcome guess(const JointState& state, const double* actuator, int& joint) {
     if (std::memcmp(held_.data(), actuator, held_.size() * sizeof(double)) != 0) known_ = 0;
     if (known_ > 0) {
@@ -138,8 +138,8 @@ class Gauss final : public FixedStep {
     known_ = std::min(known_ + 1, most_past);
   }
 
-  // Every stage once, each with the newest accelerations. Largest change of an increment step * acceleration, largest
-  // increment, and `size` of everything that is rounded on the way.
+  // Iterates every stage once, each with the newest accelerations. Gives the largest change of an increment step *
+  // acceleration, the largest increment, and the `size` of all numbers that are rounded.
   Outcome iterate(const JointState& state, const double* actuator, double& change, double& increment, double& size,
                   int& joint) {
     for (int i = 0; i < stages_; ++i) {

@@ -1,4 +1,4 @@
-// What moves a state from tick to tick, by steps of a fixed size (fixed_step.hpp) or of their own (adaptive.hpp).
+// Moves a state from tick to tick, by steps of a fixed size (fixed_step.hpp) or of an adaptive size (adaptive.hpp).
 #pragma once
 
 #include <cmath>
@@ -21,7 +21,7 @@ struct Progress {
   int joint = -1;
 };
 
-// Steps of fixed size that are far from right: at which tick that was seen, how far, rad or m, at which joint, or -1.
+// Steps of fixed size that are far off: the tick of the check, the error, rad or m, and the joint, or -1.
 struct CoarseStep {
   std::int64_t tick = 0;
   double error = 0.0;
@@ -50,17 +50,16 @@ class Integrator {
  public:
   Counts counts;
   CoarseStep coarse;  // the first one
-  bool asked = true;  // whether anybody asks for it
+  bool asked = true;  // whether errors are estimated at all
 
   virtual ~Integrator() = default;
 
-  // Where it looks for a stop while advance() or reach() goes on; null: there can be none.
+  // Set the lookout by which advance() and reach() can be interrupted; null: they cannot.
   virtual void look_out(Lookout* lookout) { lookout_ = lookout; }
 
-  // Moves `state`, which is at `now` s, that is at tick `tick` or not yet at the next, on to tick + ticks under the
-  // clamped actuator effort. Stops before a tick that fails: the state is then that of the last good one. Calls may be
-  // cut anywhere: the bits are the same. Where it is interrupted it is as if it had not gone beyond the last whole
-  // tick.
+  // Moves `state` to tick + ticks under the clamped actuator effort. It is at `now` s: at tick `tick` or between that
+  // and the next. Stops before a tick that fails, at the last good state. Calls may be cut anywhere: the bits are the
+  // same. If it is interrupted, it is as if it had not gone beyond the last whole tick.
   virtual Progress advance(double now, std::int64_t tick, std::int64_t ticks, JointState& state,
                            const double* actuator) = 0;
 
@@ -70,21 +69,20 @@ class Integrator {
     return false;
   }
 
-  // The state was changed by somebody else: nothing that was computed ahead holds.
+  // To be called after the state was changed from outside: discards all that was computed ahead.
   virtual void forget() {}
 
-  // Forces other than the actuators' were changed.
+  // To be called after forces other than the actuators' were changed.
   virtual void forces_changed() { forget(); }
 
-  // The integrator of a scene with stops or friction as what it is (events/events.hpp); null: there are none.
+  // This integrator as that of a scene with stops or friction (events/events.hpp); null: it is another one.
   virtual EventDriven* event_driven() { return nullptr; }
 
-  // Appends what decides how to go on besides the state: for a checkpoint.
+  // Appends all numbers besides the state that decide how the motion goes on, for a checkpoint.
   virtual void save(std::vector<double>& all) const { all.push_back(static_cast<double>(Kept::nothing)); }
 
-  // Takes it back; false where it cannot be what was saved in this state, at `now` s behind tick `tick`, or where,
-  // without a state, the numbers alone cannot be. Then the integrator is not to be used before it has loaded something
-  // good.
+  // Restores what save() gave; false if it cannot have been saved in this state, at `now` s behind tick `tick`, or if,
+  // without a state, the numbers are impossible. The integrator must then not be used before a load() that succeeds.
   virtual bool load(KeptNumbers& kept, std::int64_t /*tick*/, double /*now*/, const JointState* /*state*/) {
     forget();
     return kept.is(Kept::nothing) && kept.left() == 0;
@@ -99,25 +97,25 @@ class Integrator {
 // An integrator of smooth motion, which events may cut short (events.hpp).
 class Motion : public Integrator {
  public:
-  // Makes sure of a step that goes on from `offset` s behind `tick`, where `state` is: the one under way, or, where
-  // that has been `passed`, the next. Returns its length, s; progress.outcome tells why there is none.
+  // Ensures that there is a step from `offset` s behind `tick`, where `state` is: the one under way, or the next one if
+  // that has been `passed`. Returns its length, s; progress.outcome says why there is none.
   virtual double look(std::int64_t tick, double offset, double limit, const JointState& state, const double* actuator,
                       bool passed, Progress& progress) = 0;
 
-  // Between s behind that tick and s into that step.
+  // Conversion between s behind that tick and s into that step.
   virtual double into_step(double offset) const = 0;
   virtual double behind_tick(double into) const = 0;
 
-  // Where the motion is `into` s into that step.
+  // The state `into` s into that step.
   virtual Outcome show(double into, JointState& out, int& joint) = 0;
 
-  // Whether the step under way goes from `from` to `to` s behind `tick`; then `into` is how far into it that ends.
+  // Whether the step under way covers `from` to `to` s behind `tick`; then `to` is `into` s into it.
   virtual bool spans(std::int64_t /*tick*/, double /*from*/, double /*to*/, double& /*into*/) { return false; }
 
-  // Whether show() costs little; else it is another step.
+  // Whether show() reads dense output; else it makes another step.
   virtual bool reads_densely() const = 0;
 
-  std::int64_t number = 0;  // of steps that look() has gone on to
+  std::int64_t number = 0;  // number of steps that look() has made
 };
 
 }  // namespace planar_chain

@@ -1,4 +1,4 @@
-// What an integrator keeps for a checkpoint, as numbers, and how they are read back.
+// The numbers that an integrator keeps for a checkpoint, and how they are read back.
 #pragma once
 
 #include <cmath>
@@ -10,12 +10,12 @@ namespace planar_chain {
 // The first of the numbers: the kind of integrator that kept them.
 enum class Kept { nothing = 1, gauss, adaptive, events };
 
-// Reads such numbers one by one, and knows whether each was there and could be.
+// Reads such numbers one by one, and notes whether each was there and is possible.
 class KeptNumbers {
  public:
   KeptNumbers(const double* begin, const double* end) : at_(begin), end_(end) {}
 
-  bool cut = false;  // of a motion that events cut short: a time in it is known up to rounding
+  bool cut = false;  // whether events cut the motion short: its times are then known up to rounding
 
   std::size_t left() const { return static_cast<std::size_t>(end_ - at_); }
   const double* at() const { return at_; }

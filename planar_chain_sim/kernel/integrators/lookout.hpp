@@ -1,7 +1,7 @@
-// A stop that somebody asks for while a long motion is computed: a signal, or another thread.
+// Interrupts a long computation for a signal or for another thread.
 //
-// Integrators count their work and read the clock now and then. The clock decides only when a motion ends early, never
-// where it goes: it ends at a whole tick, and going on from there gives the same bits.
+// Integrators count their work and read the clock now and then. The clock decides only when a motion is interrupted,
+// never where it goes: it ends at a whole tick, and going on from there gives the same bits.
 #pragma once
 
 #include <algorithm>
@@ -13,30 +13,30 @@
 
 namespace planar_chain {
 
-// Looks for a stop every few milliseconds of work. Each thread has its own.
+// Checks for an interruption every few milliseconds of work. Each thread has its own Lookout.
 class Lookout {
  public:
-  // `wanted`: set by any thread. `ask`: called now and then by the thread that works; true is a stop.
+  // `wanted`: set by any thread. `ask`: called now and then by the working thread; true interrupts.
   explicit Lookout(const std::atomic<bool>& wanted, std::function<bool()> ask = {})
       : wanted_(wanted), ask_(std::move(ask)) {}
 
-  // A new call begins.
+  // To be called when a new call begins.
   void begin() {
     stopped_ = timed_ = false;
     if (wanted_.load(std::memory_order_relaxed)) left_ = 0;
   }
 
-  // A call that somebody else is to be asked about.
+  // The same for a call during which `ask` is to be called.
   void begin(std::function<bool()> ask) { ask_ = std::move(ask), begin(); }
 
-  // Whether to stop, after so much more work: about the number of joint accelerations.
+  // Whether to stop, after this much more work, in units of about one joint acceleration.
   bool stop(std::int64_t work) { return (left_ -= work) < 0 && look(); }
 
  private:
   using Clock = std::chrono::steady_clock;
   static constexpr std::int64_t most_work = 1 << 14;
   static constexpr std::chrono::microseconds soon{200}, late{2000}, ask_period{5000};
-  static constexpr int least_gap = 20;  // times what the last question took: a busy interpreter must not slow us down
+  static constexpr int least_gap = 20;  // times the duration of the last `ask`: a busy interpreter must cost little
 
   __attribute__((noinline)) bool look() {
     left_ = 0;
@@ -57,9 +57,9 @@ class Lookout {
 
   const std::atomic<bool>& wanted_;
   std::function<bool()> ask_;
-  std::int64_t left_ = most_work, work_ = most_work;  // units until the next look; between two looks
+  std::int64_t left_ = most_work, work_ = most_work;  // units until the next check; between two checks
   Clock::time_point looked_, ask_at_;
-  bool stopped_ = false, timed_ = false;  // the last: whether looked_ is of this call
+  bool stopped_ = false, timed_ = false;  // timed_: whether looked_ is of this call
 };
 
 }  // namespace planar_chain

@@ -1,4 +1,4 @@
-// Ticks in a row under given efforts: the loop that Simulation.advance and rollout call once. No allocation inside.
+// Many ticks under given efforts: the loop that Simulation.advance calls once. It allocates nothing.
 #pragma once
 
 #include <cstdint>
@@ -21,7 +21,7 @@ struct Record {  // where states and efforts go, row by row; null pointers: nowh
 };
 
 // Advances up to `ticks` ticks of `step` s from `tick`, or from `now` behind it, and stops before the first one that
-// fails or is interrupted; `effort` keeps what the actuators did last.
+// fails or is interrupted; `effort` keeps the last efforts of the actuators.
 inline Progress roll(Integrator& integrator, const JointForces& forces, JointState& state, double step, double now,
                      std::int64_t tick, std::int64_t ticks, Efforts efforts, const Record& record,
                      std::vector<double>& effort, std::vector<double>& latched) {

@@ -14,7 +14,7 @@ class SemiImplicitEuler final : public FixedStep {
  public:
   SemiImplicitEuler(const Chain& chain, Form& form, const JointForces& forces, double step)
       : FixedStep(forces, chain.joint_count, 1, step,
-                  0.3),  // its positions run half a step ahead, which does not add up
+                  0.3),  // its positions are half a step ahead, an error that does not accumulate
         form_(form), right_hand_side_(chain, forces), acceleration_(chain.joint_count), position_(acceleration_) {}
 
   // A shorter step costs one evaluation, and no polynomial between the ends knows where it leads.

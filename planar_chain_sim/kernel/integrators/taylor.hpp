@@ -1,5 +1,5 @@
-// The motion as a power series: steps of high order, adaptive, each its own dense output (equations.md 11). Here is what
-// is done with the coefficients; taylor_recursive.hpp and taylor_dense.hpp compute them.
+// The motion as a power series: adaptive steps of high order, each with its series as dense output (equations.md 11).
+// This header uses the coefficients; taylor_recursive.hpp and taylor_dense.hpp compute them.
 #pragma once
 
 #include <cmath>
@@ -82,8 +82,8 @@ class Taylor : public AdaptiveStep {
   static double larger(double a, double b) { return a > b ? a : b; }
 
   // Length at which the last two terms of positions and velocities are within tolerance * max(1, |value|). In a motion
-  // from rest, say, only every second or fourth term is there, and the last ones that are not tell nothing: so some more
-  // are looked at, for the radius within which the series converges as fast as the tolerance asks for, tolerance^(1/n).
+  // from rest, for example, only every second or fourth term is not zero. So some more terms are examined: the length
+  // stays within the radius in which the series converges as fast as the tolerance asks for, tolerance^(1/n).
   double step_length(const JointState& base) {
     double size[looked_at] = {}, nothing = 0.0;
     for (int i = 0; i < joints_; ++i) {
@@ -106,7 +106,7 @@ class Taylor : public AdaptiveStep {
     return total < 1e300 && nothing == 0.0 ? rough_power_of_2(log_length) : 0.0;
   }
 
-  static constexpr int looked_at = 6;  // terms
+  static constexpr int looked_at = 6;  // terms that are examined
   const double log_tolerance_, fixed_;
 };
 

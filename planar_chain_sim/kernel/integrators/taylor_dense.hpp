@@ -1,5 +1,5 @@
-// Coefficients of the motion for a short chain by dense_series.hpp: its constants from the chain's, its first orders from
-// a state, and what comes out in joint coordinates.
+// Coefficients of the motion for a short chain by dense_series.hpp: constants from the chain, first orders from a
+// state, results in joint coordinates.
 #pragma once
 
 #include <complex>
@@ -36,8 +36,8 @@ class TaylorDense final : public Taylor {
   int expand(const JointState& base) override { return widest_ ? fill_wide(base) : fill(base); }
 
  private:
-  // The same code twice; without contraction the wider vectors change no bit. Where there are wide ones, the other code is
-  // for processors of before 2013: it is made small, not fast, as it takes longer to compile than the wide one.
+  // The same code twice; without contraction the wider vectors change no bit. Where there are wide ones, the other code
+  // is for processors of before 2013: it is made small, not fast, as it takes longer to compile than the wide one.
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(PLANAR_CHAIN_NARROW)
   __attribute__((target("avx2"))) int fill_wide(const JointState& base) { return coefficients(base); }
   __attribute__((cold)) int fill(const JointState& base) { return coefficients(base); }

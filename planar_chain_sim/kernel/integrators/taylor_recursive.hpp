@@ -1,8 +1,8 @@
 // Coefficients of the motion for every chain, in O(order^2 n).
 //
-// Normalised coefficients f_k = f^(k)(t_0) / k!, products are convolutions (equations.md 11). The equations are the path-matrix equations
-// with unit vectors E_i = e^(j phi_i) as unknowns of their own, so that every sum along a path, P^T and P of (5.56) and
-// 6.1, stays a plain sum of coefficients and each link costs two complex convolutions an order:
+// Normalised coefficients f_k = f^(k)(t_0) / k!, products are convolutions (equations.md 11). The equations are the
+// path-matrix equations with unit vectors E_i = e^(j phi_i) as unknowns of their own, so that every sum along a path,
+// P^T and P of (5.56) and 6.1, stays a plain sum of coefficients and each link costs two complex convolutions an order:
 //
 //   E_i' = j phi_i' E_i                                  angle to unit vector
 //   a_i  = a_i- + rho_i E_i-'' + e^(j eps_i) (x_i E_i-)''          root to leaf, a_0 = -g
@@ -50,7 +50,7 @@ class TaylorRecursive final : public Taylor {
   }
 
  private:
-  // What a slide needs besides: x_i, Y_i = x_i E_i-, and its force turned into the carrier's frame, e^(-j eps_i) F_i.
+  // Additional series of a slide: x_i, Y_i = x_i E_i-, and its force in the carrier's frame, e^(-j eps_i) F_i.
   struct SlideSeries {
     int link;
     std::vector<double> place, arm_x, arm_y, force_x, force_y;
@@ -148,7 +148,7 @@ class TaylorRecursive final : public Taylor {
     recursion_.respond(effort_.data(), response_.data());
   }
 
-  // Coefficient k of what smooth laws do; actuators, friction, moments and gravity are constant and have none.
+  // Coefficient k of the smooth laws; actuators, friction, moments and gravity are constant and have none.
   void add_passive(int k) {
     std::memset(effort_.data(), 0, effort_.size() * sizeof(double));
     const double *v = velocity(k), *before = velocity(k - 1);
@@ -156,7 +156,7 @@ class TaylorRecursive final : public Taylor {
         [&](const auto& law) { effort_[law.joint] += law.coefficient(k, v[law.joint], before[law.joint]); });
   }
 
-  // With the accelerations of order k in response_: every other coefficient that they decide.
+  // With the accelerations of order k in response_: all other coefficients that follow from them.
   void finish(int k) {
     double* const next = velocity(k + 1);
     for (int i = 0; i < joints_; ++i) next[i] = response_[i] / (k + 1);

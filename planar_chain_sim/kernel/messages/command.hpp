@@ -1,5 +1,4 @@
-// The command that a node gets at nearly every tick, so often that Python would take too long over it, and the event that
-// tells of it.
+// The command that a node gets at nearly every tick, for which Python would be too slow, and its event.
 #pragma once
 
 #include <algorithm>
@@ -13,7 +12,7 @@
 
 #include "../python/arrays.hpp"
 
-// Finite numbers as a JSON list, each with the fewest digits that give it back: what `str(values.tolist())` says.
+// Finite numbers as a JSON list, each with the fewest digits that give it back, as in `str(values.tolist())`.
 inline std::string json_list(const Array& values) {
 #ifdef __cpp_lib_to_chars
   std::string text = "[";
@@ -32,9 +31,9 @@ inline std::string json_list(const Array& values) {
 #endif
 }
 
-// The command that comes at nearly every tick, a std_msgs/msg/Float64MultiArray (CDR) without dimensions: where it has a
-// finite effort for each joint, they are put into `effort`, and the event that tells so is returned, a
-// std_msgs/msg/String. None for any other message, which is Python's to judge; it would take ten times as long for this.
+// Reads a std_msgs/msg/Float64MultiArray (CDR) without dimensions. If it has a finite effort for each joint, puts them
+// into `effort` and returns the event of the command, a std_msgs/msg/String. Returns None for any other message, which
+// Python then checks. Python would take ten times as long for this command.
 inline py::object plain_command(const py::bytes& data, Array& effort, long long tick, const std::string& topic) {
   const std::string_view message = data;
   const auto joints = static_cast<std::uint32_t>(effort.size());

@@ -1,4 +1,4 @@
-// The chunks of a log file, laid out as fast as the node ticks.
+// The chunks of a log file, written fast enough for every tick of the node.
 #pragma once
 
 #include <pybind11/pybind11.h>
@@ -11,14 +11,15 @@
 
 namespace py = pybind11;
 
-// The chunk in the making of an MCAP log (mcap.dev/spec): records, and by channel where each message lies. One thread
-// appends, which makes no Python object and takes a tenth of a microsecond; the thread that writes takes all at once.
+// The current chunk of an MCAP log (mcap.dev/spec): its records, and for each channel the places of its messages. One
+// thread appends, which makes no Python object and takes 0.1 us; the writing thread takes the whole chunk at once.
 class LogChunk {
  public:
   // A record made elsewhere: a schema or a channel.
   void add_record(const std::string_view& record) { records_.insert(records_.end(), record.begin(), record.end()); }
 
-  // A message, given as a bytes-like object; returns size(). A log time before the last message's is taken for that one's.
+  // A message, given as a bytes-like object; returns size(). A log time before the last message's is taken for that
+  // one's.
   std::size_t add_message(std::uint16_t channel, std::uint64_t log_time, const py::object& data,
                           std::uint64_t publish_time, std::uint32_t sequence) {
     Py_buffer view;
@@ -41,8 +42,8 @@ class LogChunk {
     return size();
   }
 
-  // Begins the next chunk and returns the records of this one, its first and last log time and {channel: index}, an index
-  // being the log time and place of each message.
+  // Begins the next chunk and returns the records of this one, its first and last log time and {channel: index}, an
+  // index being the log time and place of each message.
   py::tuple take() {
     py::dict indexes;
     for (std::size_t channel = 0; channel < places_.size(); ++channel)

@@ -9,8 +9,8 @@
 
 namespace planar_chain {
 
-// `benchmark skipping` compares with a build that knows plain rotations and nothing else, no slide, rotor or joint law:
-// so it measures what each of these costs a scene that lacks it.
+// `benchmark skipping` compares with a build that has plain rotations alone, without slides, rotors and joint laws. So
+// it measures what each of these costs a scene that does not use it.
 #ifdef PLANAR_CHAIN_BARE
 constexpr bool bare = true;
 #else

@@ -1,5 +1,5 @@
-// What acts on joints, each law on the relative coordinate (equations.md 4), one header for each in laws/, twins of the
-// rows of joint_forces.py; and wrenches from outside. A law nobody uses has an empty list and costs nothing.
+// The laws of joint effort, each on the relative coordinate (equations.md 4), with one header each in laws/, twins of
+// the rows of joint_forces.py; and wrenches from outside. A law that no joint has is an empty list and costs nothing.
 #pragma once
 
 #include <tuple>
@@ -18,7 +18,7 @@
 
 namespace planar_chain {
 
-// Of every law the joints that have it.
+// For every law, the joints that have it.
 template <class Real, template <class> class... Laws>
 using ListsOf = std::tuple<std::vector<Laws<Real>>...>;
 
@@ -47,7 +47,7 @@ struct JointForcesOf {
     std::apply([&](auto&... laws) { (act(laws), ...); }, others);
   }
 
-  // Whether any of them acts besides the actuators.
+  // Whether anything acts except the actuators.
   bool passive() const {
     const auto acts = [](const auto&... laws) { return !(laws.empty() && ...); };
     return !bare && (std::apply(acts, smooth) || !all<FrictionOf>().empty());
@@ -60,7 +60,7 @@ struct JointForcesOf {
     for (const auto& law : all<FrictionOf>()) effort[law.joint] += law.effort(velocity[law.joint]);
   }
 
-  // Whole turns may be left out of positions. `remainder`: what they are beyond double precision, or null.
+  // Whole turns may be left out of positions. `remainder`: their part below double precision, or null.
   void add_wrenches(const double* position, const double* remainder, double* effort) const {
     for (const Wrench& wrench : wrenches) add_wrench(*chain, wrench, position, remainder, effort);
   }

@@ -14,7 +14,7 @@ namespace planar_chain {
 // Beyond this, rad, which is more than a turn, whole turns are left out.
 constexpr double far_angle = 8.0;
 
-// angle + low less whole turns, and what is lost of that by rounding; for |angle| > far_angle, finite.
+// angle + low less whole turns, and the rounding error of that; for |angle| > far_angle, finite.
 inline void leave_out_whole_turns(double angle, double low, double& near, double& lost) {
   using namespace trigonometry;
   const double shifted = angle * (0.25 * quarters_per_radian) + to_nearest, k = shifted - to_nearest;
@@ -46,7 +46,7 @@ class WholeTurns {
       if (chain.links[i].turns()) joints_.push_back(chain.links[i].rotation);
   }
 
-  // Whether any joint at `base` is far round.
+  // Whether any joint at `base` has an angle beyond far_angle.
   PLANAR_CHAIN_INLINE bool find(const Real* base) {
     std::conditional_t<lanes_in<Real> == 1, int, Truth<Real>> far = 0;
     for (int i = 0; i < count_; ++i) far |= base[i] * base[i] > Real(far_angle * far_angle);
@@ -88,7 +88,7 @@ class WholeTurns {
   }
 
   const int count_;
-  std::vector<int> joints_, far_;  // that turn; that are far round
+  std::vector<int> joints_, far_;  // joints that turn; those beyond far_angle
 };
 
 }  // namespace planar_chain

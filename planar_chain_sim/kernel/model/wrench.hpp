@@ -2,7 +2,7 @@
 //
 //   tau_k = sign_k ((j (r - P_k)) . F + N) of a rotation,  chi_k . F of a slide on the path from the link to the base
 //
-// (virtual work; equations.md 6.5). On the way inboard everything is kept in the frame at hand.
+// (virtual work; equations.md 6.5). On the way inboard everything is kept in the frame of the present link.
 #pragma once
 
 #include "../arithmetic/trigonometry.hpp"
@@ -17,7 +17,7 @@ struct Wrench {
   double force_x, force_y, moment;
 };
 
-// `remainder`: what positions are beyond double precision, or null.
+// `remainder`: the part of positions below double precision, or null.
 inline void add_wrench(const Chain& chain, const Wrench& wrench, const double* position, const double* remainder,
                        double* effort) {
   const auto unit_vector = [&](const Link& link, double& cosine, double& sine) {

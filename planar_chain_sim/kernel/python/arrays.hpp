@@ -1,4 +1,4 @@
-// Numbers that Python gives: the one place where they are checked, and where the sentence about a misfit is made.
+// Numbers from Python: the only place where they are checked and where the sentence about a wrong one is made.
 #pragma once
 
 #include <pybind11/numpy.h>
@@ -22,7 +22,7 @@ inline PyObject* type_of_doubles() {
   return type;
 }
 
-// `size` numbers not yet set: in half of the time that pybind11's own constructor takes.
+// `size` numbers not yet set, made in half of the time of pybind11's own constructor.
 inline Array new_array(py::ssize_t size) {
   static const py::detail::npy_api& api = py::detail::npy_api::get();
   const Py_intptr_t shape[] = {size};
@@ -39,15 +39,15 @@ inline Array make_array(const std::vector<double>& values) {
   return made;
 }
 
-// Whether the numbers lie where the processor can read them.
+// Whether the numbers are aligned.
 inline bool aligned(const py::array& array) { return (array.flags() & py::detail::npy_api::NPY_ARRAY_ALIGNED_) != 0; }
 
 // Finite numbers, C-ordered: the caller's own where they are that already, else as NumPy converts them. Strings, bytes,
-// dates, structured, masked and complex arrays are no numbers. ValueError names the argument, what it is and what it must
-// be.
+// dates, structured, masked and complex arrays are no numbers. ValueError names the argument, what it is and what it
+// must be.
 class Numbers {
  public:
-  // The shape that is wanted. `leading`: the caller of the caller takes any axes before, and the sentence says so.
+  // The required shape. `leading`: any axes may stand before it, and the sentence says so.
   Numbers(const char* name, const py::handle& given, std::initializer_list<py::ssize_t> shape, bool leading = false)
       : Numbers(name, given, shape.begin(), static_cast<int>(shape.size()), leading) {}
 
@@ -138,18 +138,18 @@ class Numbers {
     return true;
   }
 
-  // Whether NumPy takes it for real numbers, or for objects that may be some.
+  // Whether NumPy makes real numbers of it, or objects that may be real numbers.
   static bool is_numeric(const py::handle& array) {
     return std::string("biufO").find(text(array.attr("dtype").attr("kind"))) != std::string::npos;
   }
 
-  // Of an object, that float() takes or says so itself, but that is not meant as a number.
+  // Whether an object is not meant as a number, although float() may accept it.
   static bool is_no_number(const py::handle& each) {
     return each.is_none() || PyUnicode_Check(each.ptr()) || PyBytes_Check(each.ptr()) || PyComplex_Check(each.ptr()) ||
            (py::hasattr(each, "dtype") && !is_numeric(each));
   }
 
-  // As NumPy has it, if that is numbers.
+  // As NumPy converts it, if that gives numbers.
   __attribute__((noinline)) void convert(const char* name, const py::handle& given, const std::string& wanted) {
     const auto refuse = [&] {
       const py::object one_line = py::str(" ").attr("join")(py::repr(given).attr("split")());

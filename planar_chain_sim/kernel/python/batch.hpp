@@ -85,13 +85,13 @@ inline void check_batch(const SceneModels& models, double step, std::int64_t tic
 
 // Runs scenes of one model, or of a model each, with whether its form is dense and its method, which is one for all but
 // for adaptive ones, from states (scenes, joints) under efforts (1 or scenes, 1 or ticks, joints). Returns positions,
-// velocities (scenes, ticks + 1, joints) and efforts (scenes, ticks, joints), or, if not `every_tick`, with 1 and no rows;
-// then ticks done, outcome, joint of each scene.
+// velocities (scenes, ticks + 1, joints) and efforts (scenes, ticks, joints), or, if not `every_tick`, with 1 and no
+// rows; then ticks done, outcome, joint of each scene.
 inline py::tuple roll_batch(const SceneModels& models, double step, std::int64_t ticks, const Array& position,
                             const Array& velocity, const Array& effort, bool every_tick, int threads, int width) {
   check_batch(models, step, ticks, position, velocity, effort, threads, width);
   pc::Batch batch;
-  // Others have the interpreter meanwhile: they may drop a model, or add to its forces.
+  // Other threads have the interpreter meanwhile: they may drop a model, or add to its forces.
   std::vector<py::object> kept;
   std::deque<pc::JointForces> forces;
   for (const auto& [model, dense, method] : models) {

@@ -199,7 +199,7 @@ class Model {
     return sum;
   }
 
-  // `count` times what the call of this name computes, without the border, for timing alone.
+  // The computation of the call of this name, `count` times without the border, for timing alone.
   double repeat(const std::string& call, const py::handle& position, const py::handle& velocity,
                 const py::handle& given, std::int64_t count, bool dense) {
     const Numbers start = joints("position", position), v = joints("velocity", velocity), u = joints("given", given);
@@ -222,7 +222,7 @@ class Model {
  private:
   Numbers joints(const char* name, const py::handle& values) const { return {name, values, {chain_.joint_count}}; }
 
-  // Of a function that Python calls for each of many states.
+  // For a function that Python calls for each of many states.
   Numbers state(const char* name, const py::handle& values) const { return {name, values, {chain_.joint_count}, true}; }
 
   struct Evaluation {
@@ -312,7 +312,7 @@ class Model {
   }
 
   pc::Jacobian& jacobian() {
-    if (!jacobian_) jacobian_.emplace(chain_, forces);  // its matrices are made for those who ask for them
+    if (!jacobian_) jacobian_.emplace(chain_, forces);  // its matrices are made at the first use
     return *jacobian_;
   }
 
@@ -336,7 +336,7 @@ class Model {
   }
 
   pc::Form& form(bool dense) {
-    if (dense && !dense_) dense_ = pc::make_form<double>(chain_, true);  // its matrix is made for those who ask for it
+    if (dense && !dense_) dense_ = pc::make_form<double>(chain_, true);  // its matrix is made at the first use
     return dense ? *dense_ : *recursive_;
   }
 

@@ -22,14 +22,14 @@
 #include "model.hpp"
 #include "turn.hpp"
 
-// Of what save() gives; a checkpoint of another format is not read.
+// Format of the result of save(); a checkpoint of another format is refused.
 constexpr int checkpoint_format = 2;
 
 // State, method and workspace of one simulation. Any thread may call at any time: while one computes without the
-// interpreter, the others wait. interrupt() alone waits for nobody.
+// interpreter, the others wait. Only interrupt() does not wait.
 //
-// An argument that cannot be is refused by a ValueError, before anything is changed. What ends a motion is a code, of
-// which Python makes a sentence.
+// A bad argument is refused by a ValueError, before anything is changed. The reason why a motion ends is a code, for
+// which Python has a sentence.
 class Stepper {
  public:
   Stepper(const py::object& model, const pc::MethodData& method, double step, bool dense)
@@ -41,9 +41,10 @@ class Stepper {
   }
   Stepper(const Stepper&) = delete;
 
-  // Goes on for a whole number of ticks, under None or numbers of (joints,) or (ticks, joints), into None or three arrays
-  // (ticks, joints) that take position, velocity and effort. None; or (outcome, joint) where it stopped before or a
-  // coarse step is to be told. Throws what a signal handler has raised meanwhile, with everything at the last whole tick.
+  // Advances a whole number of ticks, under None or efforts (joints,) or (ticks, joints), into None or three arrays
+  // (ticks, joints) for position, velocity and effort. Returns None, or (outcome, joint) if it stopped early or a
+  // coarse step is to be reported. Throws what a signal handler has raised meanwhile, with the state at the last whole
+  // tick.
   py::object advance(const py::handle& ticks_given, const py::handle& effort_given, const py::handle& record_given) {
     turn_.await();
     const std::int64_t ticks = whole("ticks", ticks_given, pc::most_ticks - tick_);
@@ -54,7 +55,7 @@ class Stepper {
     return go_on(ticks, std::nullopt, efforts_of(effort), record);
   }
 
-  // Goes on to a tick, and from there to `time`, a float behind it in s, if that is not None.
+  // Advances to a tick, and then to `time`, s behind that tick, if it is not None.
   py::object advance_to(const py::handle& tick_given, const py::handle& time_given, const py::handle& effort_given) {
     turn_.await();
     const std::int64_t tick = whole("tick", tick_given, pc::most_ticks);
@@ -71,14 +72,14 @@ class Stepper {
     return go_on(tick - tick_, until, efforts_of(effort), {});
   }
 
-  // Lets the call under way, or else the next one, end at the last whole tick.
+  // Ends the call under way, or else the next one, at the last whole tick.
   void interrupt() { stop_wanted_.store(true, std::memory_order_relaxed); }
 
-  // Fails where this thread is in the middle of a call, waits where another one is.
+  // Fails if this thread is in a call already; waits if another thread is.
   void await() { turn_.await(); }
 
-  // Once, the first step that was seen to be far from right: (tick, error, rad or m, joint, whether of all steps up to
-  // it); else None.
+  // Returns, once, the first step that was found to be far off: (tick, error, rad or m, joint, whether it is the error
+  // of all steps up to it); else None.
   py::object take_coarse_step() {
     turn_.await();
     const pc::CoarseStep& coarse = scene_->integrator->coarse;
@@ -87,7 +88,7 @@ class Stepper {
     return py::make_tuple(coarse.tick, coarse.error, coarse.joint, coarse.summed);
   }
 
-  // -1; or, with nothing changed, the joint whose position lies beyond a stop. ValueError: an array that is no good.
+  // -1; or, with nothing changed, the joint whose position lies beyond a stop. ValueError: a bad array.
   int put_state(const py::handle& position, const py::handle& velocity) {
     const Numbers q("position", position, {joints()}), v("velocity", velocity, {joints()});
     pc::JointState fresh(static_cast<int>(joints_));  // arrays may change while another call is waited for
@@ -115,7 +116,7 @@ class Stepper {
                        make_array(state_.velocity_remainder), make_array(effort_), make_array(kept)));
   }
 
-  // Takes what save() gave; `anew`: of a stepper with another method, which starts here.
+  // Restores the result of save(); `anew`: that of a stepper with another method, so the method starts afresh here.
   void load(const py::handle& tick_given, const py::handle& between_given, const py::handle& parts, bool anew) {
     turn_.await();
     const std::int64_t tick = whole("tick of the checkpoint", tick_given, pc::most_ticks);
@@ -132,7 +133,7 @@ class Stepper {
       if (!is_joint_array(part)) damaged(words[i]);
       std::copy_n(py::reinterpret_borrow<Array>(part).data(), effort_.size(), into[i]->begin());
     }
-    // What is left of a rounded sum is too small to change it.
+    // The remainder of a rounded sum is too small to change it.
     for (std::size_t i = 0; i < effort_.size(); ++i) {
       if (state.position[i] + state.position_remainder[i] != state.position[i]) damaged(words[2]);
       if (state.velocity[i] + state.velocity_remainder[i] != state.velocity[i]) damaged(words[3]);
@@ -145,9 +146,9 @@ class Stepper {
     state_ = state, effort_ = effort, tick_ = tick, between_ = between;
   }
 
-  // In place of those that act: (slot of the link, whether the force turns with it, point, force, each as a complex
-  // number of the link's axes or the plane's, moment).
-  // `given`: tuples (slot, whether the force turns with the link, point, force, moment).
+  // Replaces the wrenches: (slot of the link, whether the force turns with it, point, force, each as a complex number
+  // of the link's axes or the plane's, moment). `given`: tuples (slot, whether the force turns with the link, point,
+  // force, moment).
   void set_wrenches(const py::list& given) {
     turn_.await();
     std::vector<pc::Wrench> wrenches;
@@ -165,8 +166,8 @@ class Stepper {
     return make_array(effort);
   }
 
-  // Goes on with the chain, the wrenches and the method of `fresh`, which nobody else has seen; its chain has the same
-  // joints. `with_state`: with its time and state too. Returns counts and events up to here.
+  // Takes over the chain, the wrenches and the method of `fresh`, which nobody else uses; its chain has the same
+  // joints. `with_state`: its time and state too. Returns counts and events up to here.
   py::tuple adopt(Stepper& fresh, bool with_state) {
     turn_.await();
     if (fresh.turn_.busy()) throw py::value_error("the kernel got a stepper that is at work");
@@ -199,7 +200,7 @@ class Stepper {
     return tuple_of(scene_->integrator->counts);
   }
 
-  // Accelerations under the efforts that acted last, with what stands standing; -1, or the joint whose pivot vanished.
+  // Accelerations under the last efforts, zero for standing joints; -1, or the joint whose pivot vanished.
   py::tuple acceleration() {
     turn_.await();
     Array out(static_cast<py::ssize_t>(effort_.size()));
@@ -223,7 +224,7 @@ class Stepper {
   }
 
  private:
-  // By hand, of these very types: pybind11's conversion takes longer than all that is done with it.
+  // Converted by hand for these types: pybind11's conversion takes longer than the computation.
   pc::Wrench wrench_of(PyObject* given) const {
     const auto item = [&](Py_ssize_t k) { return PyTuple_GET_ITEM(given, k); };
     if (!PyTuple_CheckExact(given) || PyTuple_GET_SIZE(given) != 5 || !PyLong_CheckExact(item(0)) ||
@@ -241,10 +242,10 @@ class Stepper {
     return {static_cast<int>(link), item(1) == Py_True, point.real, point.imag, force.real, force.imag, moment};
   }
 
-  // Below this, some microseconds, letting the interpreter go and taking it back would cost more than it gives.
+  // Below this, some microseconds, releasing the interpreter would cost more than it gains.
   static constexpr std::int64_t few_joint_ticks = 32;
 
-  // What a changed chain replaces; the parts point at each other.
+  // The parts that a changed chain replaces; they point at each other.
   struct Scene {
     py::object model;
     pc::JointForces forces;  // the model's, and wrenches
@@ -265,8 +266,8 @@ class Stepper {
     return py::make_tuple(counts.evaluations, counts.steps, counts.rejected_steps, counts.events);
   }
 
-  // The events, out of reach of another thread: what Python makes of them may set off the garbage collector, and that
-  // one.
+  // Takes the events out first: making Python objects may start the garbage collector, which may let another thread
+  // call.
   std::deque<pc::JointEvent> take() {
     std::deque<pc::JointEvent> events;
     if (pc::EventDriven* const driven = scene_->integrator->event_driven()) std::swap(events, driven->events);
@@ -423,8 +424,8 @@ class Stepper {
   std::optional<double> between_;  // s, the time where that is behind the tick
   std::vector<double> effort_, latched_, zero_;
   double step_;
-  const py::ssize_t joints_;      // for who does not wait, too
-  bool adaptive_, told_ = false;  // the last: of a coarse step
+  const py::ssize_t joints_;      // also read by callers that do not wait
+  bool adaptive_, told_ = false;  // told_: whether a coarse step was reported
   std::atomic<bool> stop_wanted_{false};
   pc::Lookout lookout_;
   Turn turn_;

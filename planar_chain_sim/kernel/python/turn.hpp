@@ -1,4 +1,5 @@
-// Who may enter an object of the kernel while one thread computes in it without the interpreter's lock.
+// Controls which threads may enter an object of the kernel while one thread computes in it without the interpreter's
+// lock.
 #pragma once
 
 #include <pybind11/pybind11.h>
@@ -14,13 +15,12 @@
 
 namespace py = pybind11;
 
-// One lock for each object. It is held only by a thread that has let the interpreter go, so that everybody else, who
-// holds the interpreter, finds out by a look at a flag. They wait in the order in which they came, without the
-// interpreter.
+// One lock for each object. Only a thread that has released the interpreter holds it. All others hold the interpreter,
+// so they need only read a flag. They wait in the order in which they came, without the interpreter.
 class Turn {
  public:
-  // Returns once nobody computes in the object. Throws what a signal handler raises meanwhile, and an error where this
-  // thread is the one that computes: then a signal handler of it is asking.
+  // Returns when nobody computes in the object. Throws what a signal handler raises meanwhile, and an error if this
+  // thread itself computes in it: then one of its signal handlers has called.
   void await() {
     if (taken_) wait();
   }
@@ -95,7 +95,7 @@ class Turn {
   std::condition_variable left_;
 };
 
-// A call that may take long: lets the interpreter go, and now and then has signal handlers run.
+// A call that may take long: releases the interpreter, and lets signal handlers run now and then.
 class LongCall {
  public:
   explicit LongCall(Turn* turn = nullptr) : turn_(turn) {}
@@ -114,7 +114,7 @@ class LongCall {
     if (turn_ != nullptr) turn_->leave();
   }
 
-  // From the thread that made this: whether a signal handler has raised something. A call that has come here is long.
+  // To be called from the thread that made this: whether a signal handler has raised something. The call is then long.
   bool ask() {
     if (thread_ != nullptr) PyEval_RestoreThread(thread_);
     else if (turn_ != nullptr) turn_->take();

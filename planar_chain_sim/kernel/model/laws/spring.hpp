@@ -1,8 +1,8 @@
 // A linear spring at a joint: tau = -k (theta - theta_0), V = k (theta - theta_0)^2 / 2 (equations.md 4).
 //
-// This header is all that the kernel knows of the law. A law that acts smoothly has `effort`; `by_position` where it is
-// of the position, `by_velocity` where it is of the velocity, which are numbers of the law, since it is linear; `energy`
-// where it stores any; `size`, for rounding; and `coefficient`, of its series.
+// This header is all that the kernel has of the law. A smooth law has `effort`; `by_position` if it depends on the
+// position and `by_velocity` if it depends on the velocity, constant since the law is linear; `energy` if it stores
+// any; `size`, for rounding; and `coefficient`, of its series.
 #pragma once
 
 #include <cmath>
@@ -26,7 +26,7 @@ struct SpringOf {
     return 0.5 * stiffness * stretch * stretch;
   }
 
-  // Of the numbers that the effort is the difference of: its rounding is in proportion.
+  // Size of the numbers whose difference is the effort: its rounding error is proportional to it.
   double size(double position) const {
     return stiffness * (position - rest) == 0.0 ? 0.0 : stiffness * (std::fabs(position) + std::fabs(rest));
   }
