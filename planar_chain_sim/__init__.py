@@ -3,7 +3,7 @@ planar_chain_sim: planar chains and trees of rigid bodies by Arczewski's path-ma
 
 `docs/architecture.md` is the map: the rooms, what is in each, and which of them may import which.
 
-Names are loaded when first used, so that an executable's first statement can be its signal handlers.
+Names are loaded when they are first used, so that an executable can set its signal handlers before all imports.
 """
 from importlib import import_module
 import sys
@@ -31,7 +31,7 @@ _HOME = {name: module for module, names in {   # public name -> its module
 __all__ = ['__version__', *_HOME]
 
 
-# Pickles of version 0.1 name these modules; what they look for there is public.
+# Pickles of version 0.1 name these modules; the names that they need from them are public.
 for _former in ('batch', 'body_poses', 'dynamics', 'loads', 'simulation'):
     sys.modules[f'{__name__}.{_former}'] = sys.modules[__name__]
 

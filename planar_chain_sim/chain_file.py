@@ -1,5 +1,5 @@
 """
-The front door for chains: from a file, a text or plain data, checked.
+Loads chains from a file, a text or plain data, and checks them.
 
 A text is YAML, or a robot file (URDF, MJCF) that describes a planar robot.
 """
@@ -29,7 +29,7 @@ def load_chain(path: Union[str, os.PathLike], hold: Hold = None) -> Chain:
 
     A relative path is looked for in the working directory, then among the chains that come with the package (see
     `find_chain_file`). `hold`: joints that are welded, see hold.py. ChainError, one sentence, for a file that cannot be
-    read or a chain that cannot be.
+    read or an impossible chain.
     """
     path = find_chain_file(path)
     name = clipped(str(path), 400)
@@ -49,7 +49,7 @@ def load_chain(path: Union[str, os.PathLike], hold: Hold = None) -> Chain:
 
 
 def chain_from_text(text: Union[str, bytes], name: str = '<text>', hold: Hold = None) -> Chain:
-    """Return the chain of a text, YAML, URDF or MJCF (bytes: UTF-8); `name` is the file's in ChainError sentences."""
+    """Return the chain of a text, YAML, URDF or MJCF (bytes: UTF-8); `name` stands for the file in errors."""
     if len(text) > MAX_BYTES:
         raise ChainError(f'{name}: is longer than {MAX_BYTES // 2**20} MiB, must be a chain file in YAML')
     refuse_other_formats(text[:16], name)
@@ -68,7 +68,7 @@ def chain_from_text(text: Union[str, bytes], name: str = '<text>', hold: Hold = 
 
 def find_chain_file(path: Union[str, os.PathLike]) -> Path:
     """
-    Return where the chain file `path` is: an absolute path as it stands, a relative one in the first place that has it.
+    Return the full path of the chain file `path`: an absolute path unchanged, a relative one in the first place found.
 
     The places: the working directory, then the package's config folder (with or without a leading `config/`) in the
     ament index, under `sys.prefix`, in the source tree. ChainError where none of them has it.

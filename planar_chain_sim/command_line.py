@@ -82,7 +82,7 @@ def refuse_hold(options) -> None:
 
 
 def refuse_existing(path: str) -> None:
-    """Raise Mistake for the name of an output that is a file already."""
+    """Raise Mistake if the output exists already."""
     if os.path.isfile(path):
         raise Mistake(f'{path!r}: the file exists and is not overwritten, give a new name')
 
@@ -107,9 +107,9 @@ def run_command(program: str, body: Callable[[Optional[Sequence[str]]], int],
 
 def catch_stop_signals(handler: Callable) -> None:
     """
-    Have `handler(number, frame)` called at every stop signal; a SIGHUP that is ignored, as under nohup, stays so.
+    Set `handler(number, frame)` for every stop signal; a SIGHUP that is ignored, as under nohup, stays ignored.
 
-    SIGINT is caught even where it is ignored, as in a background job of a shell.
+    SIGINT is caught even if it is ignored, as in a background job of a shell.
     """
     for number in STOP_SIGNALS:
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
@@ -121,7 +121,7 @@ def _interrupt(number, frame) -> NoReturn:
 
 
 def exit_code(program: str, work: Callable[[], int]) -> int:
-    """Return the exit code of `work()`, 2 after a sentence or a traceback on stderr, 0 where nobody reads any more."""
+    """Return the exit code of `work()`: 2 after a sentence or a traceback on stderr, 0 if stdout has no reader now."""
     open_streams()
     if hasattr(sys.stdout, 'reconfigure'):
         sys.stdout.reconfigure(errors='backslashreplace')   # a name may have letters that the locale has not
@@ -145,7 +145,7 @@ def exit_code(program: str, work: Callable[[], int]) -> int:
 
 
 def open_streams() -> None:
-    """Open the null device for standard streams that were closed before the start, so that no file gets their place."""
+    """Open the null device for standard streams that were closed at the start, so that no file gets their number."""
     missing = [name for name in ('stdin', 'stdout', 'stderr') if getattr(sys, name) is None]
     if missing:
         while (number := os.open(os.devnull, os.O_RDWR)) <= 2:
@@ -173,14 +173,14 @@ def raise_to_user(error: Exception) -> None:
 
 
 def report(program: str, sentence: str) -> None:
-    """Write one sentence on stderr, where there is one; line ends that an argument has are written as Python would."""
+    """Write one sentence on stderr, if that is open; line ends from arguments are escaped."""
     sentence = ''.join(each if each.isprintable() else repr(each)[1:-1] for each in sentence[:LONGEST])
     with suppress(OSError, ValueError, AttributeError):
         print(f'{program}: {sentence}', file=sys.stderr, flush=True)
 
 
 def print_line(text: str) -> None:
-    """Print a line at once; where its reader has gone the work goes on without."""
+    """Print a line at once; if its reader has gone, the work goes on without it."""
     try:
         print(text, flush=True)
     except BrokenPipeError:
@@ -195,6 +195,6 @@ def write_document(text: str) -> None:
 
 
 def leave_output() -> None:
-    """Let what is still to be written go nowhere: nobody reads it, or the disk is full."""
+    """Discard what is still to be written: nobody reads it, or the disk is full."""
     with suppress(OSError, ValueError, AttributeError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -1,15 +1,15 @@
-"""What went wrong and a user can put right: one sentence each."""
+"""Errors that a user can correct, each one sentence, and the class of the note about a robot file."""
 from __future__ import annotations
 
 from typing import Any, Optional
 
 
 class Mistake(Exception):
-    """What a user can correct, in one sentence. Command lines write the sentence and exit with code 2."""
+    """An error that a user can correct, one sentence. Command lines write the sentence and exit with code 2."""
 
 
 class ChainError(Mistake, ValueError):
-    """A chain that cannot be: one sentence that says what is wrong, where, what was got and what was wanted."""
+    """An impossible chain: one sentence that says what is wrong, where, what was given and what is wanted."""
 
 
 class LogError(Mistake):
@@ -36,7 +36,7 @@ class SimulationError(Mistake, RuntimeError):
 
     @property
     def ran_away(self) -> bool:
-        """Whether the numbers ran away, a divergence; else something else ended the motion."""
+        """Whether the state diverged; else something else ended the motion."""
         return self.reason in ('not_finite', 'coarse')
 
 

@@ -18,8 +18,8 @@ from .tree import steiner_term, Tree
 from .yaml_text import data_from_text, MAX_BYTES, text_of
 from ..errors import ChainError
 
-# Checks of a whole chain beside those of its data: check(chain, sections), ChainError. Mechanics adds its own, so that
-# what no equations can be solved for is refused as soon as it is made.
+# Further checks of a whole chain: check(chain, sections), ChainError. Mechanics adds its own, so that a chain whose
+# equations cannot be solved is refused as soon as it is made.
 FURTHER_CHECKS: list[Callable] = []
 PASSED = ('_checked', '_solvable')   # what a chain notes of the checks that it passed: of its data, of mechanics
 
@@ -67,13 +67,13 @@ class Chain(Tree):
         """
         Return a checked chain with other values of `parameters`; its `source` says so.
 
-        Where a mass or a mass centre changes, the inertia stays that the chain file gives, `inertia` or `inertia_com`,
-        unless one of them is given here. ChainError: an unknown name, a value that cannot be.
+        If a mass or a mass centre changes, the inertia that the chain file gives, `inertia` or `inertia_com`, stays the
+        same unless one of them is given here. ChainError: an unknown name, an impossible value.
         """
         return build_chain(changed_data(self, values), '')
 
     def __getstate__(self) -> dict:
-        # What is kept besides is made again.
+        # All else that is kept with a chain can be computed again.
         return {key: value for key, value in self.__dict__.items()
                 if key in ('name', 'gravity', 'bodies', '_given', '_text', *PASSED)}
 
@@ -89,8 +89,8 @@ def build_chain(data: Any, file: str, source: Optional[str] = None) -> Chain:
     """
     Return the chain that plain data describes, checked; ChainError otherwise.
 
-    `file` names the text in sentences ('' for data that is no text), `source` becomes `Chain.source`; without it that
-    is written when it is asked for.
+    `file` names the text in sentences ('' for data that is no text). `source` becomes `Chain.source`; without it a text
+    is written at its first use.
     """
     tree, sections = read_tree(data, file)
     chain = Chain(tree.name, tree.gravity, tree.bodies)
@@ -101,7 +101,7 @@ def build_chain(data: Any, file: str, source: Optional[str] = None) -> Chain:
 
 
 def check_chain(chain: Chain) -> None:
-    """Check a chain that was made by hand, once; ChainError, in the words of the data it would be."""
+    """Check a chain that was made by hand, once; ChainError, with the sentence for a chain file of the same content."""
     rebuilt = build_chain(data_of(chain), '')
     for body, again in zip(chain.bodies, rebuilt.bodies):
         if body != again:
@@ -129,7 +129,7 @@ def chain_from_dict(data: Mapping) -> Chain:
 
 
 def own_text(chain: Chain, given: str) -> str:
-    """Return `given` where it is a text of this chain, number by number, else one that is; ChainError as data_of."""
+    """Return `given` if it is a text of this chain, number by number, else a text that is; ChainError as data_of."""
     if given:
         try:
             if repr(build_chain(data_from_text(given, '<text>'), '<text>')) == repr(chain):

@@ -63,7 +63,7 @@ def read_tree(data, file: str) -> tuple[Tree, list[Section]]:
 
 
 def read_body(section, entries, indices, owners) -> Body:
-    """Return one body; `indices` and `owners` know the bodies and joints before it."""
+    """Return one body; `indices` and `owners` have the bodies and joints before it."""
     section.refuse_unknown_keys(BODY_KEYS, JOINT_KEYS, "under 'slide' or 'rotation'")
     name = section.text('name', wanted='the name of the body, a string')
     if name in indices:
@@ -152,7 +152,7 @@ def read_joint(body, kind, body_name, owners) -> Optional[Joint]:
 
 
 def data_of(chain: Tree) -> dict:
-    """Return the plain data of a chain, from which read_tree makes the same; ChainError: no data can say it."""
+    """Return the plain data from which read_tree makes the same chain; ChainError: there is none."""
     if not isinstance(chain.bodies, (tuple, list)) or not all(isinstance(body, Body) for body in chain.bodies):
         raise ChainError(f'bodies is of type {type(chain.bodies).__name__}, must be a tuple of Body')
     bodies = []
@@ -188,7 +188,7 @@ def _pair(vector, label: str) -> list:
 
 
 def _inertia(body: Body) -> dict:
-    """Return the key of one inertia from which both follow, of two the one that the body's text gave."""
+    """Return the key of an inertia from which the other one follows, if possible the one that the body's text gave."""
     try:
         steiner = steiner_term(body.mass, body.center_of_mass)
         says = {'inertia_com': (body.inertia_com + steiner, body.inertia_com),

@@ -74,7 +74,7 @@ def changed_data(chain: Tree, values: Mapping[str, float]) -> dict:
 
 
 def _put_inertia(body: dict, pair: dict) -> None:
-    """Put one inertia, or two that say the same by J = J_C + m c^2, into a body's data."""
+    """Put one inertia, or two with J = J_C + m c^2, into a body's data."""
     key = 'inertia' if 'inertia' in body else 'inertia_com'
     if len(pair) == 2:
         center = body.get('center_of_mass', [0.0, 0.0])
@@ -95,7 +95,7 @@ def shown_name(name) -> str:
 
 
 def _likely(name, places) -> str:
-    """Return the suggestion of a known name for one that is not known."""
+    """Return the suggestion of a known name for an unknown one."""
     if not isinstance(name, str):
         return ''
     prefixed = [f'{what}:{name}' for what in ('body', 'joint') if f'{what}:{name}' in places]

@@ -1,4 +1,4 @@
-"""QUANTITIES: numbers of a chain that may change while it moves, one row each; what stays is the chain itself."""
+"""QUANTITIES: the numbers of a chain that may change while it moves, one row each."""
 from __future__ import annotations
 
 from dataclasses import replace
@@ -43,7 +43,7 @@ def changed_chain(chain: Chain, name: str, values) -> Chain:
     """
     Return the chain with other values (a list) of a quantity.
 
-    ValueError: one sentence, for a wrong number of values or one that cannot be.
+    ValueError: one sentence, for a wrong number of values or an impossible one.
     """
     quantity = QUANTITIES[name]
     values, count = list(map(float, values)), len(quantity.get(chain))

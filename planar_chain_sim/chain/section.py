@@ -1,8 +1,8 @@
 """
 One mapping of a chain file, read key by key: every refusal is one ChainError sentence.
 
-A sentence says where, which body, which key, what was got and what was wanted. Data that was read from a text carries
-its lines (`LinedDict`), other data is named by its path, `bodies[2].rotation.damping`.
+A sentence says where, which body, which key, what was given and what is wanted. Data from a text has its line numbers
+(`LinedDict`); other data is named by its path, `bodies[2].rotation.damping`.
 """
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class LinedDict(dict):
 
 
 class Section:
-    """One mapping of a chain file while it is read: takes its keys and names itself when one of them is wrong."""
+    """One mapping of a chain file while it is read; its errors say where it is."""
 
     __slots__ = ('data', 'file', 'path', 'label', 'prefix')
 
@@ -52,7 +52,7 @@ class Section:
         raise ChainError(f"{where}: {self.label}key '{self.prefix}{clipped(key)}' {problem}")
 
     def refuse_unknown_keys(self, known, elsewhere=(), place=''):
-        """Raise for the first key that is not one of `known`, with the known one it looks like or its right place."""
+        """Raise for the first key that is not `known`; the sentence has a similar known key, or the right place."""
         for key in self.data:
             if key in known:
                 continue
@@ -64,7 +64,7 @@ class Section:
         """
         Return the number under `key`; without a default the key is required.
 
-        A default that is infinite may be given too. A `unit` of angles or their rates lets texts as '90 deg' be given.
+        A default that is infinite may also be given. A `unit` of angles or their rates allows texts such as '90 deg'.
         """
         value = self.data.get(key, MISSING)
         if value is MISSING and default is not None:
@@ -111,13 +111,13 @@ class Section:
 
 
 def as_number(value) -> Optional[float]:
-    """Return a plain number as float, None for what is no number (a truth value is none)."""
+    """Return a plain number as float, None for anything else, truth values included."""
     return float(value) if type(value) in (float, int) else None
 
 
 def angle_of(text: str, rate: bool = False) -> Optional[float]:
     """
-    Return the angle, rad, or rate, rad/s, that a text says, a number of `deg` or `rad` or a product with pi; else None.
+    Return the angle, rad, or rate, rad/s, of a string: a number of `deg` or `rad`, or a product with pi; else None.
 
     Factors are multiplied and divided from left to right, as Python would.
     """
@@ -139,7 +139,7 @@ def angle_of(text: str, rate: bool = False) -> Optional[float]:
 
 
 def clipped(text, length=48) -> str:
-    """Return `text` on one line and no longer than a sentence can bear."""
+    """Return `text` on one line and short enough for a sentence."""
     text = text if len(text) <= length else text[:length] + '...'
     return text if text.isprintable() else repr(text)[1:-1]
 
@@ -150,7 +150,7 @@ def counted(number: int, noun: str) -> str:
 
 
 def shown(value) -> str:
-    """Return how a sentence names a value that was got."""
+    """Return how a sentence names a given value."""
     if value is MISSING:
         return 'missing'
     if value is None:
@@ -176,7 +176,7 @@ def suggestion(word, known) -> str:
 
 
 def plain_text(text, path) -> str:
-    """Return a copy of `text` as a plain str, refused where no file could hold it."""
+    """Return a copy of `text` as a plain str; ChainError: no file can hold it."""
     if not text.isascii() and re.search('[\ud800-\udfff]', text):
         raise ChainError(f'{path or "the chain"}: holds the text {clipped(text)!a}, must be printable text')
     return str(text)

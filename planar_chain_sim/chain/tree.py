@@ -17,7 +17,7 @@ ROUNDING = 1e-15      # relative: the same for an inertia above m c^2, where onl
 
 
 def _number(default: float, least: Optional[float], slide: str, rotation: str) -> float:
-    """Return the field of a number that a chain file may give: what it is without, its least value, its units."""
+    """Return the field of an optional number of a chain file: its default, its least value, its units."""
     return field(default=default, metadata={'least': least, 'slide': slide, 'rotation': rotation})
 
 
@@ -74,18 +74,18 @@ class Body:
 
 
 def steiner_term(mass: float, center: complex) -> float:
-    """Return m c^2, kg m^2: what the inertia about the joint point has more than that about the mass centre."""
+    """Return m c^2, kg m^2: the inertia about the joint point less that about the mass centre."""
     return mass * (center.real * center.real + center.imag * center.imag)
 
 
 def inertia_about_center(inertia: float, steiner: float) -> tuple[float, float]:
-    """Return J and J_C for J and m c^2; within rounding of it the body is a point mass."""
+    """Return J and J_C for J and m c^2; if J is m c^2 up to rounding, the body is a point mass."""
     inertia_com = inertia - steiner
     return (steiner, 0.0) if inertia_com <= ROUNDING * steiner else (inertia, inertia_com)
 
 
 def settled_inertia(mass: Any, center: Any, inertia: Any, inertia_com: Any) -> Optional[tuple[float, float]]:
-    """Return J and J_C that a text can say, for two that differ by rounding; None where they do not, or by more."""
+    """Return J and J_C as a text can give them, for two that miss J = J_C + m c^2 by rounding; None for all others."""
     steiner = steiner_term(mass, center)
     from_inertia = inertia_about_center(inertia, steiner)
     if (inertia, inertia_com) in (from_inertia, (inertia_com + steiner, max(inertia_com, 0.0))):
@@ -96,7 +96,7 @@ def settled_inertia(mass: Any, center: Any, inertia: Any, inertia_com: Any) -> O
 
 @dataclass(frozen=True)
 class Tree:
-    """Bodies in regular labelling: a carrier comes before the bodies it carries. `Chain` is one that knows its text."""
+    """Bodies in regular labelling: a carrier comes before the bodies it carries. `Chain` is one that has a text."""
 
     name: str
     gravity: complex            # m/s^2, x + j y
@@ -118,7 +118,7 @@ class Tree:
 
     @cached_property
     def body_index(self) -> Mapping[str, int]:
-        """Index of each body by its name; of several with one name the first."""
+        """Index of each body by its name; if several have one name, that of the first."""
         return {body.name: index for index, body in reversed(tuple(enumerate(self.bodies)))}
 
     def body_of(self, joint: str) -> str:

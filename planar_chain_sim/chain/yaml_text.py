@@ -43,7 +43,7 @@ def refuse_unprintable(text: str, name: str) -> None:
 
 
 def decoded(data: bytes, name: str) -> str:
-    """Return UTF-8 text, with a byte order mark or without; ChainError says what else it seems to be."""
+    """Return UTF-8 text, with a byte order mark or without; ChainError names another encoding or format."""
     begin = data[:64]
     every_second_is_zero = len(begin) > 3 and any(begin) and not (any(begin[::2]) and any(begin[1::2]))
     if begin[:2] in (b'\xff\xfe', b'\xfe\xff') or every_second_is_zero:
@@ -154,7 +154,7 @@ class Composer:
 
 
 def plain_scalar(text):
-    """Return what an unquoted scalar means by YAML 1.2's core rules: nothing, a truth value, a number or a text."""
+    """Return the value of an unquoted scalar by YAML 1.2's core rules: None, a truth value, a number or a string."""
     if text in CONSTANTS:
         return CONSTANTS[text]
     if text[0] in '+-.0123456789':
@@ -166,14 +166,14 @@ def plain_scalar(text):
 
 
 class PlainDumper(DUMPER):
-    """A YAML writer whose texts come back as texts under YAML 1.2's rules too, and that writes no anchors."""
+    """A YAML writer whose strings are read as strings by YAML 1.2's rules, too, and that writes no anchors."""
 
     def ignore_aliases(self, data):
-        """Write shared values out."""
+        """Write shared values in full."""
         return True
 
     def represent_text(self, text):
-        """Quote a text that would be read as something else."""
+        """Quote a string that would be read as something else."""
         style = None if isinstance(text, str) and plain_scalar(text) == text else "'"
         return self.represent_scalar('tag:yaml.org,2002:str', text, style=style)
 

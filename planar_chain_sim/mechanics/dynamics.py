@@ -1,4 +1,4 @@
-"""Forward and inverse dynamics, mass matrix and energy of a chain at one state: asked of the kernel, refused here."""
+"""Forward and inverse dynamics, mass matrix and energy of a chain at one state, computed by the kernel."""
 from __future__ import annotations
 
 from functools import partial
@@ -23,7 +23,7 @@ _WHY_NOT = {_SINGULAR: 'the configuration is singular', _NOT_FINITE: 'the accele
 
 
 def resolve_form(chain: Chain, form: str) -> str:
-    """`form`, with what the chain's shape makes of 'auto'; ValueError names the forms there are."""
+    """Return `form`, 'auto' resolved by the chain's shape; ValueError names the forms."""
     if form not in FORMS:
         raise ValueError(f'form is {form!r}, must be one of {", ".join(map(repr, FORMS))}')
     return plan_of(chain).form if form == 'auto' else form
@@ -40,7 +40,7 @@ def no_acceleration(chain: Chain, joint: int, why: str, position: ArrayLike, vel
 
 
 def joint_rows(chain: Chain, **given: Any) -> list[np.ndarray]:
-    """`given` as finite float64 arrays (..., joints) of one common shape; ValueError names the argument."""
+    """Return `given` as finite float64 arrays (..., joints) of one common shape; ValueError names the argument."""
     plan_of(chain)   # which refuses what is none and one that cannot be
     rows = [_kernel.finite_rows(name, values, chain.joint_count) for name, values in given.items()]
     try:
@@ -53,9 +53,10 @@ def joint_rows(chain: Chain, **given: Any) -> list[np.ndarray]:
 
 def _for_each(ask: Any, chain: Chain, **given: Any) -> list:
     """
-    Return what `ask(chain, ...)` answers for arrays (..., joints), each part with the leading axes.
+    Return the results of `ask(chain, ...)` for arrays (..., joints), each part with the leading axes.
 
-    For what the kernel has refused as a single state, so that one pays nothing for this. ValueError: other arrays.
+    Called after the kernel has refused the arrays as a single state, so a single state costs nothing extra.
+    ValueError: bad arrays.
     """
     try:
         arrays = joint_rows(chain, **given)

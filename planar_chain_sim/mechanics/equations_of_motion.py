@@ -1,5 +1,5 @@
 """
-The equations of motion in the reference form: (5.87) for every angle, (5.88) for every slide, as matrices, to be read.
+The equations of motion in the reference form: (5.87) for every angle, (5.88) for every slide, as readable matrices.
 
 Source: K. Arczewski, Mathematical Modelling of Complex Mechanical Systems, 5.4.5-5.4.9, as corrected in equations.md.
 Plane vectors are complex numbers x + j y; a bold diagonal matrix of vectors is kept as the array of its entries.
@@ -39,7 +39,7 @@ def _dot(left, A, right):
 
 @dataclass(frozen=True)
 class AbsoluteEquations:
-    """What (5.87), (5.88) say: H [phi''; x''] + bias = gravity + Q for all bodies as if each could turn and slide."""
+    """(5.87), (5.88) as H [phi''; x''] + bias = gravity + Q, for all bodies as if each could turn and slide."""
 
     H: np.ndarray          # (2 bodies, 2 bodies)
     bias: np.ndarray       # (2 bodies,), terms in phi'^2 and x' phi'

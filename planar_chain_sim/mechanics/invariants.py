@@ -37,6 +37,6 @@ def energy(chain: Chain, position, velocity) -> tuple[float, float]:
 
 
 def dissipated_power(chain: Chain, position, velocity) -> float:
-    """Power that damping and friction take out, W, >= 0: dE/dt = effort . velocity - this (equations.md 4)."""
+    """Power dissipated by damping and friction, W, >= 0: dE/dt = effort . velocity - this (equations.md 4)."""
     springs = passive_effort(chain, position, np.zeros(chain.joint_count))
     return float(-(passive_effort(chain, position, velocity) - springs) @ velocity)

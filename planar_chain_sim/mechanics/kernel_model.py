@@ -1,4 +1,4 @@
-"""What the kernel computes with: the merged links of a chain as arrays, and the laws of their joints."""
+"""The kernel's model of a chain: the merged links as arrays, and the laws of their joints."""
 from __future__ import annotations
 
 from typing import NamedTuple
@@ -13,9 +13,9 @@ from ..chain.chain import Chain
 
 class KernelModel(NamedTuple):
     """
-    The kernel's const `model` of a chain and what it was made of: merged links and the places of the bodies in them.
+    The kernel's const `model` of a chain, its merged links, and the places of the bodies in them.
 
-    `grounded`: first moment, kg m, of bodies welded to the base, which the kernel never sees.
+    `grounded`: first moment, kg m, of bodies welded to the base, which the kernel's model does not have.
     """
 
     model: _kernel.Model
@@ -43,7 +43,7 @@ def kernel_arrays(chain: Chain, links) -> tuple[np.ndarray, np.ndarray]:
 
 
 def kernel_model_of(chain: Chain) -> KernelModel:
-    """Return the chain's model, made when it is first asked for and kept with the chain from then on."""
+    """Return the chain's model, which is made at its first use and then kept with the chain."""
     kept = chain.__dict__   # a frozen dataclass lets its cache be written here, and pickles without it
     if '_model' not in kept:
         links, grounded, places = merge_welded(chain)

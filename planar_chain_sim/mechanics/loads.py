@@ -1,4 +1,4 @@
-"""What is put on bodies while a chain moves: wrenches from outside and payloads, checked and brought to the links."""
+"""Loads on bodies while a chain moves: wrenches from outside and payloads, checked and referred to the links."""
 from __future__ import annotations
 
 from dataclasses import replace
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class Wrench(NamedTuple):
-    """What acts on a body from outside: force x + j y, N, in the axes of the 'body' or the 'world', and moment, N m."""
+    """A load on a body from outside: force x + j y, N, in the axes of the 'body' or the 'world', and moment, N m."""
 
     force: complex
     moment: float
@@ -28,7 +28,7 @@ def _number(name: str, value: Any) -> float:
 
 
 def index_of(chain: Chain, body: str) -> int:
-    """Return the index of a body by its name; ValueError names those there are."""
+    """Return the index of a body by its name; ValueError has the names of all bodies."""
     index = chain.body_index.get(body) if isinstance(body, str) else None
     if index is None:
         names = ', '.join(each.name for each in chain.bodies[:32])
@@ -48,7 +48,7 @@ def on_links(chain: Chain, wrenches: Mapping[str, Wrench]) -> list[tuple]:
     """
     Return wrenches by body as the kernel takes them: slot, whether the force turns with it, point, force, moment.
 
-    One on a body that is welded to the base moves nothing and is left out.
+    A wrench on a body that is welded to the base moves nothing and is left out.
     """
     told, places = [], plan_of(chain).places
     for name, (force, moment, axes) in wrenches.items():

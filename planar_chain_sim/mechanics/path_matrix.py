@@ -72,7 +72,7 @@ def motion_of_joints(chain: Chain) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass
 class Link:
-    """What the kernel computes with: a body and what is welded to it, in a frame with phi_i = phi_i- + axis q_i."""
+    """A body merged with what is welded to it, in a frame with phi_i = phi_i- + axis q_i; the kernel's unit."""
 
     carrier: int             # slot of the carrying link, 0 is the base
     offset: complex          # rho_i, carrier's frame, m

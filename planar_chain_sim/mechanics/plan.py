@@ -42,9 +42,9 @@ class Plan:
 
 def plan_of(chain: Chain) -> Plan:
     """
-    Return the chain's plan, made when it is first asked for and kept with the chain from then on.
+    Return the chain's plan, which is made at its first use and then kept with the chain.
 
-    TypeError: no chain. ChainError: a chain that was made by hand and cannot be.
+    TypeError: no chain. ChainError: an impossible chain that was made by hand.
     """
     try:
         kept = chain.__dict__   # a frozen dataclass lets its cache be written here, and pickles without it
@@ -63,7 +63,7 @@ def plan_of(chain: Chain) -> Plan:
 
 
 def _no_chain(given) -> TypeError:
-    """Return the error that says how a chain is made of what was given."""
+    """Return the error that says how to make a chain from the given object."""
     made = 'chain_from_dict' if isinstance(given, Mapping) else 'load_chain'
     what = repr(str(given)) if isinstance(given, (str, PathLike)) else 'data' if isinstance(given, Mapping) else 'file'
     return TypeError(f'chain is {given!r:.80}, must be a Chain: {made}({what:.200}) gives one')

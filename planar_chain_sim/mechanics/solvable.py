@@ -1,4 +1,4 @@
-"""Whether the equations of a chain can be solved: a joint that moves no inertia of its own makes them singular."""
+"""Checks that the equations of a chain can be solved: a joint that moves no inertia of its own makes them singular."""
 from __future__ import annotations
 
 from typing import Optional
@@ -43,7 +43,7 @@ def refuse_singular(chain: Chain, sections: Optional[list[Section]] = None) -> N
 
 
 def lack_of_inertia(bodies, index: int, kind: str) -> str:
-    """Say why a joint has no inertia of its own."""
+    """Return the reason why a joint has no inertia of its own."""
     outboard = {index}
     for i in range(index + 1, len(bodies)):
         if bodies[i].carrier in outboard:

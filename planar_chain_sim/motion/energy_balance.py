@@ -1,9 +1,10 @@
 """
-EnergyBalance: the energy a run has, against what it had and what went in and out: d(T + V)/dt = tau q' - losses.
+EnergyBalance: compares a run's energy with its energy at the start, work and losses: d(T + V)/dt = tau q' - losses.
 
-The work of an effort that is constant within a tick is tau (q_1 - q_0), exactly. What a law without stored energy takes
+The work of an effort that is constant within a tick is exactly tau (q_1 - q_0). The loss of a law without stored energy
 is the integral of d q'^2 over the tick, by Simpson's rule with the middle rate of the cubic that both ends define,
-3/2 (q_1 - q_0)/h - 1/4 (q'_0 + q'_1): an error of O(step^4). So is the work of a force that turns with its body.
+3/2 (q_1 - q_0)/h - 1/4 (q'_0 + q'_1); its error is O(step^4). The work of a force that turns with its body is computed
+in the same way.
 """
 from __future__ import annotations
 
@@ -33,7 +34,7 @@ class EnergyBalance:
         self.restart(chain, position, velocity)
 
     def restart(self, chain: Chain, position, velocity) -> None:
-        """Begin anew from a state (joints,), where the chain or the state was changed from outside."""
+        """Start again from a state (joints,), after the chain or the state was changed from outside."""
         self._chain = chain
         self._rows.clear()
         self._losses = [(k, joint, law) for k, joint in enumerate(chain.joints) for law in JOINT_FORCES
@@ -44,24 +45,24 @@ class EnergyBalance:
         self.size = max(abs(self._start), 1e-300)
 
     def push(self, body: str, force, moment: float) -> None:
-        """Let a force [x, y], N, at a body's joint point, in its axes, and a moment, N m, act from the last tick on."""
+        """Add a wrench from the last tick on: force [x, y], N, at a body's joint point, in its axes; moment, N m."""
         index = [each.name for each in self._chain.bodies].index(body)
         forces, moments = self._forces.setdefault(index, (np.zeros(ROWS, complex), np.zeros(ROWS)))
         done = len(self._rows)
         forces[done:], moments[done:] = complex(*force), moment
 
     def release(self) -> None:
-        """Take all forces and moments away; what they did since the last fold() is forgotten, so restart() next."""
+        """Remove all wrenches. Their work since the last fold() is lost, so call restart() next."""
         self._forces.clear()
 
     def add(self, row) -> None:
-        """Take position and velocity at the end of one more tick and the effort that acted over it, for `read`."""
+        """Add one more tick: position and velocity at its end and the effort that acted over it, for `read`."""
         self._rows.append(row)
         if len(self._rows) == ROWS:
             self.fold()
 
     def fold(self) -> None:
-        """Bring the sums and the error up to the last tick; both may overflow before the state itself does."""
+        """Update the sums and the error to the last tick; both may overflow before the state itself does."""
         if self._rows:
             with np.errstate(all='ignore'):
                 self._fold()
@@ -98,7 +99,7 @@ class EnergyBalance:
 
 
 def _motion_of(chain: Chain, index: int, position, velocity) -> tuple:
-    """Return place and rate of a body's joint point, m and m/s, its angle and rate, for rows (n, joints) of states."""
+    """Return position and velocity of a body's joint point, its angle and rate, for rows (n, joints) of states."""
     names, path = chain.joint_names, []
     while index != BASE:
         path.append(chain.bodies[index])

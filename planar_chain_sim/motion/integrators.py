@@ -79,13 +79,13 @@ class Method:
 
     @cached_property
     def tableau(self) -> _kernel.Tableau:
-        """The coefficients as the kernel takes them, matrices row by row."""
+        """The coefficients for the kernel, matrices row by row."""
         a, b, error, dense_a, dense, c = ([x for row in rows for x in row] for rows in (
             self.a, (self.b,), self.error, self.dense_a, self.dense, self.c))
         return _kernel.Tableau(len(self.b), a, b, error, dense_a, dense, c, self.gamma)
 
     def __getstate__(self) -> dict:
-        return {entry.name: getattr(self, entry.name) for entry in fields(self)}  # what is kept besides is made again
+        return {entry.name: getattr(self, entry.name) for entry in fields(self)}  # all else can be computed again
 
 
 class Methods(dict):
@@ -168,7 +168,7 @@ def taylor_order(tolerance: float) -> int:
 
 def method_data(method: Method, tolerance: Optional[float], fixed: float = 0.0) -> Any:
     """
-    Return what the kernel needs to know of a method and its tolerance.
+    Return a method and its tolerance as the kernel takes them.
 
     `fixed`, s: an adaptive method takes steps of this length instead of its own, so that its order can be measured.
     """

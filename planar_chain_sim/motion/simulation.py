@@ -33,7 +33,7 @@ from ..mechanics.plan import plan_of
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-# Why the kernel stopped, by what it calls the outcome.
+# Why the kernel stopped, by its name of the outcome.
 _WHY = {'singular': 'the configuration is singular', 'not_finite': 'the state ran away and would not be finite',
         'stalled': 'the steps that the tolerance asks for have become too short to be taken',
         'too_long': 'the step is too long for the iteration that solves it',
@@ -110,7 +110,7 @@ def resolve_method(chain: Chain, method: str, tolerance: Optional[float]) -> Any
 
 def stop_error(chain: Chain, tick: int, time: float, outcome: int, joint: int, position: ArrayLike, velocity: ArrayLike,
                where: str = '') -> SimulationError:
-    """Why the kernel stopped at this last good state, as an error to raise or to keep."""
+    """Return the error that says why the kernel stopped at this last good state."""
     name = chain.joint_names[joint]
     body = chain.body_of(name)
     why = _WHY[_kernel.OUTCOMES[outcome]]
@@ -123,15 +123,15 @@ class Simulation:
     """
     A chain that moves tick by tick: tick k is at k * step, the effort is constant within a tick.
 
-    A fixed step that is too long gets a RuntimeWarning: at once with the estimated limit where a joint is stiff, in the
-    first 10 s once the errors of all steps add up to 0.03 rad or m, later once a step is far from what two half steps
-    give. set_state, restore, another chain, stops and friction's events let the estimate start anew.
+    A fixed step that is too long gives a RuntimeWarning: at once, with the estimated limit, if a joint is stiff; in the
+    first 10 s when the errors of all steps add up to 0.03 rad or m; later when a step is far from the result of two
+    half steps. set_state, restore, another chain, and events of stops and friction restart the estimate.
 
-    `step` s; `tolerance` belongs to adaptive methods; `form` as in forward_dynamics, one of the compiled.
-    ValueError: bad method, step, tolerance or form. ChainError: a chain made by hand that cannot be.
+    `step` s; `tolerance` belongs to adaptive methods; `form` as in forward_dynamics, but not 'reference'.
+    ValueError: bad method, step, tolerance or form. ChainError: an impossible chain that was made by hand.
 
-    Any thread may use a simulation: while one is in a long call, another one's call waits until that has returned, but
-    for interrupt(). A signal handler that runs in the midst of a call of its own thread gets a RuntimeError.
+    Any thread may use a simulation: a call waits until another thread's call has returned, except interrupt(). A signal
+    handler that calls it during a call of its own thread gets a RuntimeError.
 
     copy.copy, copy.deepcopy and pickle give an independent simulation that goes on with the same bits.
     """
@@ -245,7 +245,7 @@ class Simulation:
 
     @property
     def has_events(self) -> bool:
-        """Whether the scene has stops or friction; else take_events() has nothing ever."""
+        """Whether the scene has stops or friction; else take_events() always returns an empty list."""
         return not {'stops', 'friction'}.isdisjoint(plan_of(self.chain).used)
 
     def take_events(self) -> list[JointEvent]:
@@ -271,7 +271,7 @@ class Simulation:
 
     def set_state(self, position: ArrayLike, velocity: ArrayLike) -> None:
         """
-        Put joint positions and velocities (joints,); time is unchanged, hidden round-off terms are cleared.
+        Set joint positions and velocities (joints,); time is unchanged, hidden round-off terms are cleared.
 
         ValueError: bad arrays, a position beyond a stop.
         """
@@ -281,10 +281,10 @@ class Simulation:
 
     def replace_chain(self, chain: Chain) -> None:
         """
-        Go on from here with a chain that has the same joints, by a plan made anew.
+        Continue with another chain that has the same joints, by a new plan.
 
-        Time, state and hidden round-off terms stay, as do the method and what stands still; an adaptive method starts
-        its steps anew. ValueError, and nothing is changed: other joints.
+        Time, state, hidden round-off terms, the method and the standing joints stay; an adaptive method starts new
+        steps. ValueError, and nothing is changed: other joints.
         """
         plan_of(chain)   # which refuses one that cannot be
         if chain.joint_names != self.chain.joint_names:
@@ -301,7 +301,7 @@ class Simulation:
                 self._bare_chains += (bare,)
 
     def _replace_stepper(self, chain: Chain, wrenches: Mapping[str, Wrench], fresh: Any, with_state: bool) -> None:
-        """Put the stepper `fresh` of the chain in the place of the present one; with its own state, or the present."""
+        """Replace the present stepper by `fresh`, that of the chain, with its own state or the present one."""
         counts, events = self._stepper.adopt(fresh, with_state)
         self._counted = tuple(before + count for before, count in zip(self._counted, counts))
         self._untaken = self._untaken + [self._joint_event(*event) for event in events]
@@ -319,7 +319,7 @@ class Simulation:
 
     def set_wrench(self, body: str, force: ArrayLike = (0.0, 0.0), moment: float = 0.0, axes: str = 'body') -> None:
         """
-        Let a force and a moment act on a body from now on, in place of the last ones; zero takes them away.
+        Apply a force and a moment to a body from now on, in place of the last ones; zero removes them.
 
         `force` [x, y], N, acts at the body's joint point, in the axes of the 'body', with which it turns, or of the
         'world'; `moment` N m, counter-clockwise (equations.md 6.5). ValueError: no such body, a number that is not
@@ -344,7 +344,7 @@ class Simulation:
         return self._stepper.wrench_effort()
 
     def clear_wrenches(self) -> None:
-        """Take all wrenches away."""
+        """Remove all wrenches."""
         self._stepper.wait()
         with self._changing:
             if self._wrenches:
@@ -357,16 +357,16 @@ class Simulation:
     def attach(self, body: str, mass: float, position: ArrayLike = (0.0, 0.0), inertia_com: float = 0.0,
                name: str = 'payload') -> None:
         """
-        Weld a payload to a body: from now on it is part of the chain, for which the plan is made anew.
+        Weld a payload to a body: from now on it is part of the chain, and a new plan is made.
 
         `mass` kg, its mass centre at `position` [x, y], m, in the body's frame, `inertia_com` kg m^2 about that. Joint
-        velocities stay: it has been moving along with the body. ValueError: no such body, a name that a body has, a
-        number that is not finite or too small.
+        velocities stay: the payload starts with its body's velocity. ValueError: no such body, a name that a body has,
+        a number that is not finite or too small.
         """
         self.replace_chain(with_payload(self.chain, body, mass, position, inertia_com, name))
 
     def drop(self, name: str = 'payload') -> None:
-        """Let a payload go; joint velocities stay. ValueError: no such payload, or one that carries another."""
+        """Remove a payload; joint velocities stay. ValueError: no such payload, or one that carries another."""
         self.replace_chain(without_payload(self.chain, self._own_bodies, name))
 
     @property
@@ -385,15 +385,15 @@ class Simulation:
 
     def advance(self, ticks: int, effort: Optional[ArrayLike] = None, record: Optional[tuple] = None) -> None:
         """
-        Go on for `ticks` ticks under `effort`, N m or N: (joints,) is held, (ticks, joints) a row per tick, None zero.
+        Advance `ticks` ticks under `effort`, N m or N: (joints,) is constant, (ticks, joints) a row per tick, None zero.
 
         `record`: three C-ordered float64 arrays (ticks, joints) that take position, velocity and acted effort of each
         tick. ValueError: bad count, shape or value, before anything moves. SimulationError: singular or not finite; the
         last good state stays.
 
-        Within some milliseconds a signal's handler runs, where this is the main thread, and interrupt() is heard. What
-        the handler raises, as KeyboardInterrupt after Ctrl-C, or Interrupted comes with the simulation at the last
-        whole tick; going on from there gives the bits of a run that was not interrupted.
+        Signals, in the main thread, and interrupt() act within some milliseconds. The exception of a signal's handler,
+        such as KeyboardInterrupt after Ctrl-C, or Interrupted is raised with the simulation at the last whole tick;
+        continuing from there gives the bits of a run that was not interrupted.
         """
         stopped = self._stepper.advance(ticks, effort, record)
         if stopped is not None:
@@ -403,12 +403,12 @@ class Simulation:
         """
         End the advance or advance_to under way in another thread, or else the next one, with Interrupted.
 
-        For any thread, and for signal handlers. The call ends within some milliseconds, at the last whole tick.
+        Any thread and any signal handler may call this. The call ends within some milliseconds, at the last whole tick.
         """
         self._stepper.interrupt()
 
     def _raise_or_warn(self, outcome: int, joint: int) -> None:
-        """Raise or warn what made the kernel stop."""
+        """Raise the error, or give the warning, for which the kernel stopped."""
         self._warn_of_coarse_step()
         why = _kernel.OUTCOMES[outcome]
         if why == 'interrupted':
@@ -417,7 +417,7 @@ class Simulation:
             raise self._error(outcome, joint)
 
     def _warn_of_coarse_step(self) -> None:
-        """Warn once of a fixed step that is far from what two half steps give."""
+        """Warn once of a fixed step that is too long."""
         coarse = self._stepper.take_coarse_step()
         if coarse:
             tick, error, joint, summed = coarse
@@ -431,7 +431,7 @@ class Simulation:
 
     def advance_to(self, time: float, effort: Optional[ArrayLike] = None) -> None:
         """
-        Go on to exactly `time` s under `effort` as in advance; an adaptive method may stop between two ticks.
+        Advance to exactly `time` s under `effort` as in advance; an adaptive method may stop between two ticks.
 
         ValueError: a time that lies back, for a method of fixed step one that is no whole number of steps; effort rows
         for a time between two ticks. SimulationError, and signals and interrupt(), as in advance.
@@ -454,7 +454,7 @@ class Simulation:
         return tick, between
 
     def checkpoint(self) -> Checkpoint:
-        """Everything, hidden round-off terms included: going on from it gives the same bits."""
+        """Return the whole state, hidden round-off terms included: continuing from it gives the same bits."""
         self._stepper.wait()
         with self._changing:
             tick, between, state = self._stepper.save()
@@ -463,10 +463,10 @@ class Simulation:
 
     def restore(self, saved: Checkpoint) -> None:
         """
-        Go back, or on, to a checkpoint: time, state, effort, wrenches, payloads and parameters are what they were then.
+        Restore a checkpoint: time, state, effort, wrenches, payloads and parameters are what they were then.
 
-        A simulation with the same method, step, tolerance and form goes on with the same bits. With others its method
-        starts anew from that time and state, hidden round-off terms included. ValueError, and nothing is changed: a
+        A simulation with the same method, step, tolerance and form continues with the same bits. With others its method
+        starts afresh from that time and state, hidden round-off terms included. ValueError, and nothing is changed: a
         checkpoint of another chain, a damaged one, a time that is no whole number of steps of a fixed-step method.
         """
         chain, own_bodies = self._checked_settings(saved)
@@ -493,7 +493,7 @@ class Simulation:
             self._replace_stepper(chain, saved.wrenches, fresh, True)
 
     def _checked_settings(self, saved: Checkpoint) -> tuple[Chain, int]:
-        """Return chain and `own_bodies`; ValueError: no checkpoint of this version, or it says nonsense of itself."""
+        """Return chain and `own_bodies`; ValueError: no checkpoint of this version, or a damaged one."""
         if not isinstance(saved, Checkpoint):
             raise ValueError(f'checkpoint is {saved!r:.80}, must be what Simulation.checkpoint returned')
         if saved.format != CHECKPOINT_FORMAT:
@@ -516,7 +516,7 @@ class Simulation:
 
 
 def _is_number(given: Any) -> bool:
-    """Whether it is one real number; NumPy takes spans of time for integers."""
+    """Whether it is one real number; time spans, which NumPy takes for integers, are not."""
     return isinstance(given, (int, float, np.integer, np.floating)) and not isinstance(given, np.timedelta64)
 
 

@@ -1,4 +1,4 @@
-"""How stiff a chain is at its initial state, and the longest step that a fixed-step method can take with it."""
+"""Estimates the stiffness of a chain at its initial state, and the longest stable step of a fixed-step method."""
 from __future__ import annotations
 
 from typing import Optional
@@ -29,10 +29,10 @@ def _largest_rate(chain: Chain, law: np.ndarray) -> tuple[float, int]:
 
 def step_limit(chain: Chain, method: Method) -> Optional[tuple[float, str]]:
     """
-    Return the longest step, s, that a fixed-step method can hold stable at the initial state, and the joint to blame.
+    Return the longest step, s, with which a fixed-step method is stable at the initial state, and the joint to blame.
 
-    By estimates of the fastest decay of dampers and oscillation of springs, and the method's stability region on the
-    negative real and on the imaginary axis. None where nothing is stiff or the method has no such limit.
+    It follows from estimates of the fastest decay by dampers and oscillation on springs, and from the method's
+    stability region on the negative real and on the imaginary axis. None: nothing is stiff, or there is no such limit.
     """
     real, imaginary = method.stability_limits
     limits = []
