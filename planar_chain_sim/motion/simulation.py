@@ -385,7 +385,7 @@ class Simulation:
 
     def advance(self, ticks: int, effort: Optional[ArrayLike] = None, record: Optional[tuple] = None) -> None:
         """
-        Advance `ticks` ticks under `effort`, N m or N: (joints,) is constant, (ticks, joints) a row per tick, None zero.
+        Advance `ticks` ticks under `effort`, N m or N: (joints,) is held, (ticks, joints) a row per tick, None is zero.
 
         `record`: three C-ordered float64 arrays (ticks, joints) that take position, velocity and acted effort of each
         tick. ValueError: bad count, shape or value, before anything moves. SimulationError: singular or not finite; the
