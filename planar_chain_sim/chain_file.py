@@ -31,6 +31,11 @@ def load_chain(path: Union[str, os.PathLike], hold: Hold = None) -> Chain:
     `find_chain_file`). `hold`: joints that are welded, see hold.py. ChainError, one sentence, for a file that cannot be
     read or an impossible chain.
     """
+    return load_chain_and_text(path, hold)[0]
+
+
+def load_chain_and_text(path: Union[str, os.PathLike], hold: Hold = None) -> tuple[Chain, str]:
+    """Return the chain of a file as load_chain does, and the text of the file as it stands there."""
     path = find_chain_file(path)
     name = clipped(str(path), 400)
     try:
@@ -42,10 +47,11 @@ def load_chain(path: Union[str, os.PathLike], hold: Hold = None) -> Chain:
     except (OSError, ValueError) as error:   # ValueError: a NUL in the path, in words that change with Python's version
         reason = getattr(error, 'strerror', None) or 'its name holds a NUL'
         raise ChainError(f'{name}: cannot be read ({reason}), must be a chain file in YAML') from None
+    given = text
     if b'xacro' in text and text.lstrip().startswith(b'<'):
         from .robot_files.xacro_file import expanded
         text = expanded(path, text, name)
-    return chain_from_text(text, name, hold)
+    return chain_from_text(text, name, hold), decoded(given, name)
 
 
 def chain_from_text(text: Union[str, bytes], name: str = '<text>', hold: Hold = None) -> Chain:

@@ -235,15 +235,14 @@ def simulator_class(values):
 
 def load(node, values, stop):
     """Return the chain of `chain_file` and its URDF if it is one, both None after a stop; ChainError."""
-    from ..chain_file import chain_from_text, find_chain_file, load_chain
+    from ..chain_file import chain_from_text, load_chain_and_text
     from ..robot_files.xacro_file import USED
     from ..robot_files.xml_elements import root_tag
     if values['chain_file'] == ON_TOPIC:
         from .description import await_description
         text = await_description(node, stop)
         return (None, None) if text is None else (chain_from_text(text, ON_TOPIC, values['hold']), text)
-    chain = load_chain(values['chain_file'], values['hold'])
-    text = find_chain_file(values['chain_file']).read_text('utf-8-sig')
+    chain, text = load_chain_and_text(values['chain_file'], values['hold'])
     return chain, text if root_tag(text) == 'robot' and not values['hold'] and not USED.search(text) else None
 
 
