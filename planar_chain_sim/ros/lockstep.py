@@ -68,7 +68,16 @@ class LockstepSimulator(Simulator):
         """Take the answers that have come; when all are there, record the efforts that act."""
         self._topic = self._intake.take_commands(self._simulation.tick, self._answers) or self._topic
         self._apply_wrenches()
-        if self._topic and self._answers.complete:
+        if self._answers.complete:
+            self._record_answers()
+
+    def _tick(self, publish: bool = False) -> bool:
+        """Advance one tick, by ~/step also with a part of the answers."""
+        self._record_answers()
+        return super()._tick(publish)
+
+    def _record_answers(self) -> None:
+        if self._topic:
             self._record_command(self._topic)
             self._topic = None
 

@@ -14,6 +14,7 @@ from std_msgs.msg import Float64MultiArray
 
 import planar_chain_sim as pcs
 from planar_chain_sim.recording.cdr import decode_joint_state
+from planar_chain_sim.recording.log import load_log
 from planar_chain_sim.recording.log_reader import read_log
 
 CHAIN = pcs.load_chain('four_link_robot.yaml')
@@ -172,3 +173,18 @@ def test_a_controller_that_goes_is_followed_by_another(peer):
     assert stamp_ns(peer.new_state()) == 0, 'the answer of the one that has gone does not count any more'
     answer(peer, state, JOINTS[:1])
     peer.new_state(lambda state: stamp_ns(state) == MS)
+
+
+def test_a_step_with_a_part_of_the_answers_runs_again(tmp_path):
+    """Paused, so that ~/step makes the tick that would wait: what has come acts, and the log says so."""
+    path = tmp_path / 'run.mcap'
+    with simulator('__ns:=/part', lockstep=True, start_paused=True, record=path) as process, \
+            Peer(namespace='/part') as peer:
+        peer.meet()
+        for _ in range(10):
+            answer(peer, peer.new_state(), JOINTS[:1])
+            assert peer.call('step')[0]
+        assert process.stop() == 0, process.output
+    assert 'command' in {event['kind'] for event in load_log(path).events}
+    code, output = run('planar_chain_sim.recording.resimulation', path)
+    assert code == 0, output

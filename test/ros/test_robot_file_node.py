@@ -37,7 +37,7 @@ def test_held_joints(way, robot, tmp_path):
         assert moving_joints(texts[0].data) == ['e', 'w']
         assert process.stop() == 0, process.output
     note = next(line for line in process.lines if 'plane with x along' in line)
-    assert '[INFO]' in note and f"{robot}: joints 'e', 'w'" in note and "held: 's' at 0.7" in note
+    assert '[INFO]' in note and f"{robot}: joints 'e', 'w'" in note and "welded: 's' at 0.7" in note
     assert len([line for line in process.lines if '[WARN]' in line and 'effort limit 0' in line]) == 1
     code, output = run('planar_chain_sim.recording.resimulation', tmp_path / 'run.mcap')
     assert code == 0, output
