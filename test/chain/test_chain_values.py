@@ -337,7 +337,7 @@ def test_repr_is_one_or_two_useful_lines():
         'Run: 0 ticks, 5 joints, to t = 0 s': pcs.rollout(chain, 0.0),
         'BatchRun: 3 scenes, 5 joints, to t = 0.02 s, 21 states each; none failed': pcs.rollout_batch(
             chain, position=3 * [simulation.position], duration=0.02),
-        'BatchRun: 1 scenes, 5 joints, to t = 0.02 s, the last state alone; none failed': pcs.rollout_batch(
+        'BatchRun: 1 scene, 5 joints, to t = 0.02 s, the last state alone; none failed': pcs.rollout_batch(
             chain, duration=0.02, every_tick=False),
         'METHODS: semi_implicit_euler, rk4, ': pcs.METHODS,
         'Method rk4: explicit Runge-Kutta, order 4, fixed step': pcs.METHODS['rk4'],
