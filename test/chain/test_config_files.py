@@ -134,4 +134,4 @@ def test_absolute_chain_file_stays_and_an_unknown_one_is_one_sentence(empty_plac
     source = Path(planar_chain_sim.__file__).resolve().parents[1] / 'config'
     assert str(caught.value) == (f'no/such.yaml: was not found in the working directory, {prefix}, {source}, '
                                  'must be a chain file in YAML; the package has '
-                                 + ', '.join(sorted(path.name for path in CONFIG.glob('*.yaml'))))
+                                 + (', '.join(sorted(path.name for path in source.glob('*.yaml'))) or 'none'))

@@ -1,7 +1,6 @@
 """Frames of links: TF and markers agree with the kinematics of the same URDF in other libraries, in every frame."""
 import io
 from math import pi
-from pathlib import Path
 import subprocess
 import sys
 
@@ -17,7 +16,6 @@ from planar_chain_sim.robot_files.link_frames import LinkFrames, quaternion
 from planar_chain_sim.robot_files.planar_robot import body_names
 from planar_chain_sim.robot_files.urdf_writer import link_names, urdf_of
 
-ROOT = Path(__file__).parents[2]
 # A plane that stands askew in its root's frame, and a link that is welded.
 TILTED = """<robot name="r"><link name="stand"/>
   <link name="a"><inertial><origin xyz="0 0 -.5"/><mass value="2"/>
@@ -152,12 +150,12 @@ def test_tf_messages_say_the_same():
 
 def test_urdf_tells_what_has_no_place_in_it(tmp_path):
     command = [sys.executable, '-m', 'planar_chain_sim.urdf_file']
-    done = subprocess.run([*command, 'cart_arm_telescope.yaml'], capture_output=True, text=True, timeout=60, cwd=ROOT)
+    done = subprocess.run([*command, 'cart_arm_telescope.yaml'], capture_output=True, text=True, timeout=60)
     assert done.returncode == 0 and done.stderr == (
         'urdf: note: not in the URDF: springs of cart_slide, telescope_slide, gripper_slide, gripper_joint\n')
     (tmp_path / 'moon.yaml').write_text('gravity: [0, -1.62]\nbodies: [{name: a, carrier: base, mass: 1, inertia: 1, '
                                         'rotation: {joint: j, armature: 0.1}}]')
-    done = subprocess.run([*command, tmp_path / 'moon.yaml'], capture_output=True, text=True, timeout=60, cwd=ROOT)
+    done = subprocess.run([*command, tmp_path / 'moon.yaml'], capture_output=True, text=True, timeout=60)
     assert done.stderr == ('urdf: note: not in the URDF: rotors of j; gravity [0, -1.62] m/s^2, readers take '
                            '[0, -9.81]\n')
 
