@@ -1,4 +1,4 @@
-"""What a call from Python costs above the kernel's own time for it, and the same calls of Pinocchio's, in one run."""
+"""The cost of a call from Python above the kernel's own time, and of the same calls of Pinocchio, in one run."""
 from __future__ import annotations
 
 from typing import Callable, Iterator

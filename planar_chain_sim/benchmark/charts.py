@@ -1,4 +1,4 @@
-"""The look of the benchmarks' pictures: log-log, one colour and marker per library that the colour-blind can tell."""
+"""The style of the benchmarks' pictures: log-log, a marker and a colour for each library that all readers can see."""
 from __future__ import annotations
 
 INK = '#1f2933'

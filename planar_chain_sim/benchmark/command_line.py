@@ -14,7 +14,7 @@ from ..errors import Mistake
 
 
 class Suite(NamedTuple):
-    """A module with COLUMNS and `rows()`, and what it measures; imported when asked for: only one of them needs ROS."""
+    """A module with COLUMNS and `rows()`, and a text on it; imported when it is used, as only some of them need ROS."""
 
     module: str
     text: str
@@ -47,7 +47,7 @@ def _show_progress(text: str) -> None:
 
 
 def _touch(path: Optional[Path], flag: str) -> None:
-    """See that a file can be written; Mistake."""
+    """Raise Mistake if a file cannot be written."""
     if path is None:
         return
     if flag == '--picture' and path.suffix not in ('.png', '.svg'):

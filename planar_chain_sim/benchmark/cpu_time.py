@@ -1,4 +1,4 @@
-"""CPU time of runs that are to be compared: taken in turns, so that all of them meet the same noise of the machine."""
+"""CPU times of runs to compare, measured in turns, so that all runs have the same noise of the machine."""
 from __future__ import annotations
 
 from math import ceil
@@ -17,8 +17,8 @@ def interleaved(runs: Sequence[Callable[[int], None]], rounds: int, what: str = 
     """
     Return CPU seconds of one repetition of each run, an array of readings per run.
 
-    Each run is called with the number of repetitions to make; all take their turn once per round. A run for which
-    `rounds` readings would take more than `budget` s sits out some of the rounds.
+    Each run is called with the number of repetitions, once per round. A run for which `rounds` readings would take more
+    than `budget` s is left out of some rounds.
     """
     from tqdm import tqdm
     counts, turns = [], []

@@ -1,4 +1,4 @@
-"""What the node costs and how punctual it is: a real simulator process over DDS, watched from here. Linux, ROS 2."""
+"""CPU share and lateness of the node: a real simulator process over DDS, observed by this process. Linux, ROS 2."""
 from __future__ import annotations
 
 import os

@@ -1,4 +1,4 @@
-"""Named problems that benchmarks and tests share: a chain, how long it moves, and where it is then."""
+"""Named problems that benchmarks and tests share: a chain, the duration of its motion, and the state at the end."""
 from __future__ import annotations
 
 from dataclasses import dataclass, replace

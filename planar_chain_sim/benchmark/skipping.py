@@ -1,7 +1,7 @@
 """
-What each feature of a scene costs where it is present: eight rods without it and with it, in turns.
+The cost of each feature in a scene that uses it: eight rods without it and with it, in turns.
 
-And what it costs where it is absent: this kernel against one compiled without it, on the same plain scene.
+And its cost in a scene that does not: this kernel against one compiled without it, on the same plain scene.
 """
 from __future__ import annotations
 

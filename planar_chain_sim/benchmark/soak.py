@@ -3,8 +3,8 @@ The node under full load for long: recording, commanded at every tick, watched f
 
     python -m planar_chain_sim.benchmark.soak --rate 1000 --seconds 600
 
-This process is the controller and the subscriber: it answers each state with efforts never seen before, by which it
-knows the state on which they act.
+This process is the controller and the subscriber: it answers each state with efforts that differ each time, so it can
+recognize the state on which they act.
 """
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ STEP = 1e-9      # N m by which a command differs from the one before: nothing m
 @dataclass
 class Watch:
     """
-    What the controller saw: seconds from a command to the state on which it acts; resident memory over time, MB.
+    Measurements of the controller: seconds from a command to the state on which it acts; resident memory over time, MB.
 
     cpu_share, stolen: % of a core, used by the node, and taken from all cores by the host.
     """

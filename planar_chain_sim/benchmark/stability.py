@@ -1,4 +1,4 @@
-"""Scenes that try to break the integrator, each with a number that must hold; MuJoCo on the same where it can."""
+"""Scenes that try to break the integrator, each with numbers checked against limits; also by MuJoCo where it can."""
 from __future__ import annotations
 
 from typing import Iterator

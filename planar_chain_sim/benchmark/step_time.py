@@ -1,4 +1,4 @@
-"""What one evaluation and one RK4 step cost against the number of links: compiled loops, the peers in the same run."""
+"""CPU time of one evaluation and of one RK4 step by number of links: compiled loops, peers in the same run."""
 from __future__ import annotations
 
 from typing import Callable, Iterator

@@ -1,4 +1,4 @@
-"""A picture of a motion: the arm at several times over one another, its joints against time."""
+"""A picture of a motion: the arm at several times, drawn over one another, and its joints against time."""
 from __future__ import annotations
 
 import numpy as np

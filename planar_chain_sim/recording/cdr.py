@@ -26,7 +26,7 @@ _PLAIN_ARRAY = _ENCAPSULATION + bytes(8)                     # a Float64MultiArr
 
 
 class CdrError(ValueError):
-    """Bytes that are not the message they should be, or a text that CDR cannot carry: one sentence."""
+    """Bytes that are not the expected message, or a text that CDR cannot carry: one sentence."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,8 +34,8 @@ class JointStateMessage:
     """
     A decoded sensor_msgs/msg/JointState.
 
-    stamp: ns. position (rad or m), velocity (rad/s or m/s), effort (N m or N): float64 arrays as long as they were
-    found, so a ragged message is seen as one.
+    stamp: ns. position (rad or m), velocity (rad/s or m/s), effort (N m or N): float64 arrays with the lengths that
+    they have in the message, which may differ.
     """
 
     stamp: int
@@ -205,7 +205,7 @@ def _append_float64_array(body: bytearray, values: np.ndarray) -> int:
 
 
 class _Cursor:
-    """A place in a CDR message; each read checks what is left before it takes, so a false count allocates nothing."""
+    """A place in a CDR message; each read checks the remaining bytes first, so a false count allocates nothing."""
 
     def __init__(self, data, type_name: str):
         data = memoryview(data).cast('B')
@@ -221,7 +221,7 @@ class _Cursor:
         return self._stamp.unpack_from(self._body, self._take(8, 4))
 
     def count(self, element_size: int) -> int:
-        """Read a uint32; that many elements of at least element_size bytes must fit into what is left."""
+        """Read a uint32; that many elements of at least element_size bytes must fit into the remaining bytes."""
         number, = self._count.unpack_from(self._body, self._take(4, 4))
         if number * element_size > len(self._body) - self._offset:
             raise self._malformed(f'it ends before the {number} elements announced at byte {self._offset}')

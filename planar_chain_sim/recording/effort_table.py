@@ -21,7 +21,7 @@ from ..errors import Mistake
 TIME = re.compile(r'(time|t)(_s|\s*[\[(]s[\])])?', re.IGNORECASE)   # the name of a column
 SEPARATORS = (';', '\t', ',', None)   # the first that the first row has; None: blanks
 EMPTY = ' \t\r\n,;"\''   # of which a spreadsheet's empty row consists
-GRID = 1e-6   # ticks: a time this little behind a tick is at it
+GRID = 1e-6   # ticks: a time this little after a tick counts as at the tick
 
 
 class Efforts(NamedTuple):
@@ -109,7 +109,7 @@ def by_joint(text: str, name: str, chain: Chain, otherwise: np.ndarray, units: t
 
 
 def _number(text: str) -> Optional[float]:
-    """Return the number that a text is, as in 1e-3, inf or nan; None for another text."""
+    """Return the number of a text such as 1e-3, inf or nan; None for any other text."""
     if '_' in text or not text.isascii():   # which Python would take
         return None
     try:
@@ -209,7 +209,7 @@ def _split(line: str, separator: Optional[str]) -> list:
 
 
 def _columns(fields: list, where: str, chain: Chain) -> list:
-    """Return the joint's place for each column of a header, None for time; Mistake: a name that is no joint's."""
+    """Return the joint's index for each column of a header, None for time; Mistake: an unknown name."""
     columns = []
     for column, field in enumerate(fields, start=1):
         if field in chain.joint_names:

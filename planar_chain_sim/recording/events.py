@@ -1,5 +1,5 @@
 """
-EVENTS: the events of a run, one row per kind; node, offline log, resimulation and docs take them from here.
+EVENTS: the events of a run, one row per kind. Node, OfflineLog, resimulation and documents use this table.
 
 An event is {"tick", "kind", "data"}: JSON in a std_msgs/msg/String, on `~/events` and in the log. An event that changes
 the run acts on the state at its tick, before the motion to the next. Its data loses no bit and is all that it needs.
@@ -25,9 +25,9 @@ class Kind(NamedTuple):
     """
     One kind of event: who publishes or logs it, the keys of its data, one sentence of meaning.
 
-    `apply`: changes a simulation at its present tick by this data, ValueError where that cannot be; None for a kind
-    that leaves the simulation alone. `defaults`: of keys that such data may lack. A key `effort` holds the efforts
-    (joints,), N m or N, that act from this tick on, or None where they stay.
+    `apply`: changes a simulation at its present tick by this data, ValueError if that is impossible; None for a kind
+    that does not change the simulation. `defaults`: for keys that may be missing. The key `effort` has the efforts
+    (joints,), N m or N, that act from this tick on, or None if they stay the same.
     """
 
     by: str
@@ -38,7 +38,7 @@ class Kind(NamedTuple):
 
     @property
     def changes_run(self) -> bool:
-        """Whether resimulation must let it act."""
+        """Whether resimulation must apply it."""
         return self.apply is not None or 'effort' in self.keys
 
 
@@ -58,7 +58,7 @@ def _set_parameter(simulation: Simulation, data: dict) -> None:
 
 
 def _set_payload(simulation: Simulation, data: dict) -> None:
-    """Attach a payload in place of the one of that name; with a mass of 0 there is none from then on."""
+    """Attach a payload in place of the one of that name; with a mass of 0, only remove that one."""
     before, name = simulation.checkpoint(), data['name']
     if name in simulation.payloads:
         simulation.drop(name)
@@ -111,7 +111,7 @@ EVENTS = {
 
 
 def encode_event(tick: int, kind: str, data: dict) -> bytes:
-    """Return an event as std_msgs/msg/String (CDR); ValueError: its data has not just the keys of its row."""
+    """Return an event as std_msgs/msg/String (CDR); ValueError: the keys of its data are not those of its row."""
     keys = EVENTS[kind].keys
     if data.keys() != frozenset(keys):
         raise ValueError(f'the event {kind!r} has the data {", ".join(data)}, must have {", ".join(keys) or "none"}')
@@ -120,7 +120,7 @@ def encode_event(tick: int, kind: str, data: dict) -> bytes:
 
 def encode_command(tick: int, topic: str, effort) -> bytes:
     """
-    Return the event 'command' of efforts (joints,), float64: what encode_event says, in a tenth of the time.
+    Return the event 'command' of efforts (joints,), float64: the same as encode_event, in a tenth of the time.
 
     It may come once a tick. The kernel's plain_command writes the same bytes.
     """
@@ -154,7 +154,7 @@ def decode_event(data: bytes) -> dict:
 
 
 def apply_event(simulation: Simulation, kind: str, data: dict) -> None:
-    """Let an event of a kind with `apply` act at the present tick; ValueError: it cannot, and nothing is changed."""
+    """Apply an event of a kind with `apply` at the present tick; ValueError: that is impossible, nothing is changed."""
     row = EVENTS[kind]
     data = {**row.defaults, **data}
     for key in row.keys:

@@ -1,4 +1,4 @@
-"""One walk over a log: its states in order, and between them the changes, which act on a simulation."""
+"""Reads a log from its start: yields its states in order and applies the changes between them to a simulation."""
 from __future__ import annotations
 
 from typing import Iterator
@@ -15,10 +15,10 @@ from ..errors import LogError
 
 class Following:
     """
-    The simulation that a log begins with, changed as the log is read; LogError where the log makes none.
+    The simulation that a log begins with, changed as the log is read; LogError: the log makes none.
 
-    simulation: its chain, wrenches and payloads are those of the state last read; whoever reads may advance it.
-    effort: (joints,), N m or N, what acts on the motion that follows.
+    simulation: its chain, wrenches and payloads are those of the state last read; the reader may advance it.
+    effort: (joints,), N m or N, acts on the motion that follows.
     """
 
     def __init__(self, log: LogFile):
@@ -27,7 +27,7 @@ class Following:
         self.effort = np.zeros(self.simulation.chain.joint_count)
 
     def states(self) -> Iterator[tuple[int, LogMessage]]:
-        """Yield the tick and the message of each state; LogError at what cannot be followed."""
+        """Yield the tick and the message of each state; LogError at a message that cannot be used."""
         state_topic, events_topic = (self._log.settings[key] for key in ('state_topic', 'events_topic'))
         tick = self.simulation.tick
         for message in self._log.messages:
@@ -46,7 +46,7 @@ class Following:
                 yield tick, message
 
     def decode(self, message: LogMessage) -> JointStateMessage:
-        """Return the state that a message holds; LogError: it holds none, or that of other joints."""
+        """Return the state in a message; LogError: there is none, or it is of other joints."""
         try:
             state = decode_joint_state(message.data)
         except CdrError as error:
@@ -63,7 +63,7 @@ class Following:
         return LogError(f'log {str(self._log.path)!r}: {why}')
 
     def _change(self, event: dict, tick: int) -> None:
-        """Let an event act on the state of `tick`; ValueError: it cannot."""
+        """Apply an event to the state of `tick`; ValueError: that is impossible."""
         kind, data = event['kind'], event['data']
         if event['tick'] != tick:
             raise self.error(f"event '{kind}' of tick {event['tick']} comes at tick {tick}")

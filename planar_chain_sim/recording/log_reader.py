@@ -1,10 +1,10 @@
 """
-read_log: what a log holds, read in file order, from a finished file as well as from one that a kill -9 tore.
+read_log: reads a log in file order, whether the file is finished or was cut short by a kill -9.
 
-The framing of the records (one byte of kind, eight of length) is walked here and only whole records are given to the
-mcap library, whose own stream reader takes a record that the end of the file cuts for a complete one. Nothing is
-allocated that the file's size, or MAX_CHUNK_SIZE, does not bound. Check sums of chunks are not looked at: a flipped bit
-is for the reader of the messages to name.
+This module reads the frames of the records (one byte of kind, eight of length) and gives only whole records to the mcap
+library, whose own stream reader takes a record that the end of the file cuts for a complete one. Every allocation is
+bounded by the file's size or by MAX_CHUNK_SIZE. Check sums of chunks are not checked: the reader of the messages can
+then name the flipped bit.
 """
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class LogFile:
 
     @property
     def messages(self) -> Iterator[LogMessage]:
-        """A fresh pass over the messages in file order; LogError at a place that cannot be read."""
+        """The messages in file order, from the start each time; LogError at a place that cannot be read."""
         for content, places, channels in self.blocks():
             for start, end in places:
                 channel, sequence, log_time, publish_time = MESSAGE.unpack_from(content, start)

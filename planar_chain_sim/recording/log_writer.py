@@ -2,8 +2,8 @@
 LogWriter and BackgroundLogWriter: the MCAP log, in the profile in which rosbag2 of ROS 2 Jazzy writes its own files.
 
 In the file: header, attachments, metadata, the bag information of an empty bag, then chunks of messages with their
-indexes, and at close the bag information again and the summary. What is needed to read the rest so comes first, and a
-process that is killed loses no more than what came in after the last flush.
+indexes, and at close the bag information again and the summary. So everything needed to read the rest comes first, and
+a process that is killed loses only the messages after the last flush.
 """
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ BACKLOG_LIMIT = 10 ** 8     # bytes; a disk this far behind will not catch up
 
 
 class _NewFile(FileIO):
-    """A file that is only appended to: cut short by others, it stays shorter than what it was given, in bytes."""
+    """A file that is only appended to; if another process cuts it short, its size stays below the bytes written."""
 
     def __init__(self, path):
         super().__init__(path, 'x', opener=lambda name, flags: os.open(name, flags | os.O_APPEND, 0o666))
@@ -116,11 +116,11 @@ class LogWriter:
 
     @property
     def backlog(self) -> int:
-        """Messages that wait to be handed to the system; after a failure none does."""
+        """Number of messages not yet flushed; 0 after a failure."""
         return 0 if self._failure else self.chunk.messages
 
     def flush_when_due(self, ahead: float = 0.0) -> None:
-        """Flush where the chunk is long enough, or old enough that `ahead` s later were too late; LogError."""
+        """Flush if the chunk is long enough, or would be too old in `ahead` s; LogError."""
         if self.chunk.size > CHUNK_SIZE or monotonic() + ahead >= self.flush_due:
             self.flush()
 
@@ -230,7 +230,7 @@ class LogWriter:
         return {'serialized_metadata': bag_information(self.path.name, channels, counts, first, last)}
 
     def _fail(self, reason: str) -> LogError:
-        """Give the file up as it stands on the disk, where it is readable up to its last whole chunk."""
+        """Stop writing; the file on the disk is readable up to its last whole chunk."""
         self._failure = f'log {str(self.path)!r}: writing stopped, {reason}'
         self._file.raw.close()   # the raw file: what is still buffered could not be written either
         return LogError(self._failure)
@@ -261,12 +261,12 @@ class BackgroundLogWriter:
 
     @property
     def backlog(self) -> int:
-        """Messages not handed to the system yet; one that computes faster than real time should watch it."""
+        """Number of messages not yet flushed; a run faster than real time should wait when it is large."""
         return self._writer.backlog
 
     @property
     def trouble(self) -> str:
-        """Return what is wrong, '' for nothing: the error, or what others have done to the file up to 0.5 s ago."""
+        """Return the error, or a sentence on what other processes have done to the file up to 0.5 s ago, or ''."""
         return str(self.error) if self.error else self._whereabouts[0]
 
     @property
@@ -275,7 +275,7 @@ class BackgroundLogWriter:
         return self.error is not None or self._whereabouts[1]
 
     def write(self, topic: str, data: bytes, log_time_ns: int, publish_time_ns: int, sequence: int = 0) -> None:
-        """Take one message as LogWriter.append does; never blocks and never raises, from any thread."""
+        """Append one message as LogWriter.append does, from any thread; never blocks and never raises."""
         if not self._accepting:
             return
         try:   # what append() does, in less time as several messages come at every tick; it says what is wrong with one
@@ -290,7 +290,7 @@ class BackgroundLogWriter:
                 self._stop(error)
 
     def close(self) -> None:
-        """Write what has been taken, finish the file and end the thread; a failure is left in error."""
+        """Write all messages, finish the file and end the thread; a failure is left in `error`."""
         self._accepting = False
         self._closing.set()
         self._thread.join()

@@ -1,7 +1,7 @@
 """
-McapFile: an MCAP file with chunks, indexes and summary (mcap.dev/spec); the forms of its records are the library's.
+McapFile: an MCAP file with chunks, indexes and summary (mcap.dev/spec); its records are written by the mcap library.
 
-Messages are put into their chunk by the kernel: the library's own writer takes a hundred times as long over one, and
+The kernel puts messages into their chunk: the library's own writer takes a hundred times as long for a message, and
 keeps a kilobyte in memory for every chunk.
 """
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""OfflineLog: a run without ROS as a log, which `resimulate`, load_log and rosbag2 read like one of the node."""
+"""OfflineLog: writes a run without ROS as a log, which `resimulate`, load_log and rosbag2 read like the node's."""
 from __future__ import annotations
 
 import json
@@ -108,8 +108,8 @@ class OfflineLog:
 
         Kinds and their data: 'reset'; 'state' (position, velocity); 'parameter' (name: gravity, damping or
         effort_limit; value, a list); 'wrench' (body, force, moment, axes); 'payload' (name, body, mass, position,
-        inertia_com; a mass of 0 removes it). What a wrench or a payload lacks is as in Simulation.set_wrench and
-        Simulation.attach. ValueError, and nothing is changed: another kind, data that cannot be.
+        inertia_com; a mass of 0 removes it). Defaults are those of Simulation.set_wrench and Simulation.attach.
+        ValueError, and nothing is changed: another kind, bad data.
         """
         kinds = [name for name, row in EVENTS.items() if row.apply]
         if kind not in kinds:

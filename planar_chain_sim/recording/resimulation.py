@@ -1,7 +1,7 @@
 """
 resimulate: run a log's chain, method, step and changes again and compare with its states, bit for bit.
 
-The changes are the log's events. How and when commands arrived plays no part any more.
+The changes are the log's events. How and when commands arrived does not matter here.
 """
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ COMPARED = ('position', 'velocity', 'effort')
 
 @dataclass(frozen=True)
 class Difference:
-    """The first place where a log and its re-run part: time s, tick, joint, quantity, and both values."""
+    """The first difference between a log and its re-run: time s, tick, joint, quantity, and both values."""
 
     time: float
     tick: int
@@ -44,7 +44,7 @@ class Verdict:
 
 
 def resimulate(log: LogFile) -> Verdict:
-    """Run `log` again up to its end or its first difference; LogError where it cannot be followed."""
+    """Run `log` again up to its end or its first difference; LogError: it cannot be run again."""
     following, states = Following(log), 0
     simulation = following.simulation
     for tick, message in following.states():

@@ -1,4 +1,4 @@
-"""rollout: a chain, and efforts if wanted, to an MCAP log; no ROS graph, as fast as the machine goes."""
+"""rollout: simulates a chain, with efforts if wanted, into an MCAP log; without ROS, as fast as the machine allows."""
 from __future__ import annotations
 
 from pathlib import Path
@@ -81,7 +81,7 @@ def _rollout_to_file(arguments) -> int:
 
 
 def _simulation(options, chain) -> Simulation:
-    """Return the simulation that the options ask for, at its initial state; Mistake."""
+    """Return the simulation of the options, at its initial state; Mistake."""
     if options.tolerance is not None and options.method != 'auto' and not METHODS[options.method].adaptive:
         raise Mistake(f'--tolerance is for adaptive methods, but method {options.method!r} has a fixed step')
     try:

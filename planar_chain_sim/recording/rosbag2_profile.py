@@ -1,4 +1,4 @@
-"""What rosbag2 of ROS 2 Jazzy (bag information version 9) keeps about topics: offered QoS, type hashes, totals."""
+"""The records of rosbag2 of ROS 2 Jazzy (bag information version 9) about topics: offered QoS, type hashes, totals."""
 from __future__ import annotations
 
 from dataclasses import dataclass

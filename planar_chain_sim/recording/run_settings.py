@@ -1,4 +1,4 @@
-"""What decides a run besides its chain and its changes, as text in the log that loses no bit; and the way back."""
+"""The settings of a run, except its chain and changes, as text in a log that loses no bit, and read back from it."""
 from __future__ import annotations
 
 from dataclasses import replace
@@ -29,7 +29,7 @@ def settings_of(simulation: Simulation, state_topic: str, events_topic: str) -> 
 
 
 def simulation_of(log: LogFile) -> Simulation:
-    """Return the simulation a log begins with, at its start; LogError where the log's chain or settings make none."""
+    """Return the simulation that a log begins with, at its start; LogError: its chain or settings are bad."""
     settings = log.settings
     try:
         for key in ('state_topic', 'events_topic'):   # which the reader of the messages needs

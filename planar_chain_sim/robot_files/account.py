@@ -1,4 +1,4 @@
-"""The line that says what was made of a robot file, and lists in it."""
+"""The line that says how a robot file was read, and the lists in it."""
 from __future__ import annotations
 
 import numpy as np
@@ -10,7 +10,7 @@ EXACT = 1e-6        # rad; above it the line names the largest angle
 
 
 def account(robot: SpatialRobot, chain, plane: Plane) -> list:
-    """Return what the line about a robot file says: joints, plane, gravity and changes to them."""
+    """Return the parts of the line about a robot file: joints, plane, gravity and changes to them."""
     x, y, _ = plane.basis
     parts = [f'joints {quoted(chain.joint_names, 16)}',
              f'plane with x along {_direction(x)} and y along {_direction(y)} of link '

@@ -62,7 +62,7 @@ class SpaceBody:
 
 
 class Mechanism:
-    """One text while it is read: options and bodies; `notes` and `unused` are what is to be told of it."""
+    """One text while it is read: options and bodies; `notes` and `unused` are for the line about the file."""
 
     def __init__(self, text: str, name: str):
         self.file, self.notes, self.unused = name, [], []

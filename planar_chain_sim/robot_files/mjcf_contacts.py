@@ -14,7 +14,7 @@ MAX_PAIRS = 200_000
 
 class Touching:
     """
-    Which geoms could touch: MJCF's rules say which may, and the mechanism's reach how far they come.
+    Finds geoms that could touch: MJCF's rules say which pairs may, and the mechanism's reach how far they come.
 
     `bodies`: with `parent`, `weld` (the body that a body is fixed to, itself where it has joints, -1 the world),
     `joints`, each with `kind`, `axis`, `point` and `way`, the farthest it goes from where it is drawn.
@@ -26,7 +26,7 @@ class Touching:
         self._ways = {}
 
     def first(self, geoms: list, excluded: set, pairs: list):
-        """Return the first two geoms that could touch, None where none can; `pairs`: those that may at any rate."""
+        """Return the first two geoms that could touch, None if none can; `pairs`: those that explicitly may."""
         for one, other in pairs:
             if self._weld(one) != self._weld(other) and not self.apart(one, other):
                 return one, other
@@ -63,7 +63,7 @@ class Touching:
         return self._bodies[parent].weld if parent >= 0 else -1
 
     def apart(self, one: Geom, other: Geom) -> bool:
-        """Tell whether two geoms never touch, whatever the joints read; False where that is not sure."""
+        """Return whether two geoms never touch at any joint positions; False if that is not certain."""
         gap = one.element.number('margin', 0.0) + other.element.number('margin', 0.0) - CLOSE
         if self._normal is not None and self._apart_along(self._normal, one, other, gap):
             return True
@@ -114,7 +114,7 @@ class Touching:
 
 
 def _ball(geom: Geom, joints: list, normal: Optional[np.ndarray] = None) -> tuple[np.ndarray, float]:
-    """Return middle and radius of a ball that a geom never leaves; `normal`: that counts in this direction alone."""
+    """Return centre and radius of a ball that a geom never leaves; with `normal`, in this direction alone."""
     center, last, radius = None, None, 0.0
     for joint in joints:
         if joint.kind == 'slide':

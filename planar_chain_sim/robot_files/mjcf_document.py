@@ -24,7 +24,7 @@ ORIENTATIONS = ('quat', 'axisangle', 'xyaxes', 'zaxis', 'euler')
 
 
 class Element:
-    """One element: tag, attributes, children and line; reads its attributes, and names itself when one is wrong."""
+    """One element: tag, attributes, children and line; it reads its attributes, and its errors say where it is."""
 
     __slots__ = ('tag', 'attributes', 'children', 'line', 'file')
 
@@ -33,7 +33,7 @@ class Element:
         self.tag, self.attributes, self.line, self.file, self.children = tag, attributes, line, file, []
 
     def with_defaults(self, defaults: dict) -> Element:
-        """Return the element with what its class says where it says nothing itself."""
+        """Return the element with its class's values for the attributes that it lacks."""
         own = self.attributes
         if any(key in own for key in ORIENTATIONS):   # one way of saying it puts another out of force
             defaults = {key: value for key, value in defaults.items() if key not in ORIENTATIONS}
@@ -55,7 +55,7 @@ class Element:
                           'that MJCF knows')
 
     def text(self, key: str, otherwise: str = '') -> str:
-        """Return an attribute as it stands."""
+        """Return an attribute unchanged."""
         return self.attributes.get(key, otherwise)
 
     def word(self, key: str, choices: tuple, otherwise: str) -> str:
@@ -101,7 +101,7 @@ def parse(text: str, file: str) -> Element:
 
 
 class Compiler:
-    """What <compiler> says of the whole file."""
+    """The settings of <compiler> for the whole file."""
 
     KNOWN = ('alignfree angle assetdir autolimits balanceinertia boundinertia boundmass conflict coordinate '
              'discardvisual eulerseq fitaabb fusestatic inertiafromgeom inertiagrouprange meshdir passthrough '
@@ -195,7 +195,7 @@ def turn_to(direction: np.ndarray) -> np.ndarray:
 
 
 class Classes:
-    """The default classes of a file: what each says for an element of a tag."""
+    """The default classes of a file: the attributes that each gives to the elements of a tag."""
 
     ACTUATORS = ('general', 'motor', 'position', 'velocity', 'intvelocity', 'orientation', 'pid', 'damper', 'cylinder',
                  'muscle', 'adhesion', 'dcmotor', 'plugin')

@@ -1,8 +1,8 @@
 """
 MJCF -> Chain: MuJoCo's model format, of mechanisms whose joints all turn about one direction or slide across it.
 
-What the motion needs and a chain cannot have is refused (contacts that can happen, constraints, servos, fluids); what
-has no part in the motion is listed in the notes. Stops and friction are hard here, in MuJoCo they are soft.
+Anything that would change the motion and that a chain cannot have is refused (possible contacts, constraints, servos,
+fluids). Anything without effect on the motion is listed in the notes. Stops and friction are hard here, soft in MuJoCo.
 """
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ def chain_from_mjcf(text: str, name: str, hold: dict) -> Chain:
     """
     Return the chain of an MJCF text; `name` stands for the file in ChainError sentences.
 
-    `hold`: joint -> where it is welded, None for its initial position. A RobotFileNote tells in one line what was done,
-    and what of the file has no part in the motion. ChainError, one sentence, for what is no planar mechanism.
+    `hold`: joint -> where it is welded, None for its initial position. A RobotFileNote says in one line what was done
+    and which parts of the file are not used. ChainError, one sentence, for anything but a planar mechanism.
     """
     with np.errstate(all='ignore'):   # what is not finite is refused where it lands
         reader = Reader(text, name)
@@ -47,7 +47,7 @@ def chain_from_mjcf(text: str, name: str, hold: dict) -> Chain:
 
 
 class Reader(Mechanism):
-    """What acts on the bodies, what is refused, and the tree of links in space."""
+    """Reads forces and limits, refuses what a chain cannot have, and makes the tree of links in space."""
 
     def robot(self, hold: dict) -> SpatialRobot:
         """Return the tree of links; joints that `hold` names are welded."""
@@ -64,7 +64,7 @@ class Reader(Mechanism):
         return self._robot(hold)
 
     def account(self) -> list:
-        """Return what is to be told of the file."""
+        """Return the parts of the line about the file."""
         if self.entries('sensor'):
             self.unused.append('sensors')
         joints = [joint for body in self.bodies for joint in body.joints]
@@ -78,7 +78,7 @@ class Reader(Mechanism):
         return self.notes + unused
 
     def _compensate_gravity(self) -> None:
-        """Take from gravity what gravcomp does, where that is the same for all bodies."""
+        """Reduce gravity by gravcomp, if that is the same for all bodies."""
         heavy = [body for body in self.bodies if body.mass > 0.0 and body.weld >= 0]
         shares = [body.element.number('gravcomp', 0.0) for body in heavy]
         if not any(shares) or {'spring', 'damper'} <= self.disabled:
@@ -288,7 +288,7 @@ class Reader(Mechanism):
 
 
 def _label(element: Element, kind: str = '') -> str:
-    """Return how a note names an element: by its name, else by where it is."""
+    """Return how a note names an element: by its name, else by its line."""
     if name := element.text('name'):
         return f'{kind or clipped(element.tag)} {clipped(name)}'
     return f"{clipped(element.tag)}{f' {kind}' if kind else ''} on line {element.line}"

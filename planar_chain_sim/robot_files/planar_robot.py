@@ -60,7 +60,7 @@ def body_names(robot: SpatialRobot) -> dict:
 
 
 def chain_of(data: dict, name: str):
-    """Return the chain of planar_data; ChainError in words of the robot: links and joints, not keys."""
+    """Return the chain of planar_data; ChainError names links and joints of the robot, not keys of a chain file."""
     try:
         return chain_from_dict(data)
     except SingularError as error:
@@ -112,7 +112,7 @@ def _straightened(robot, places, plane: Plane) -> dict:
 
 
 def _plane(robot, places, name: str) -> Plane:
-    """Return the plane to which most joints keep; ChainError names those that do not."""
+    """Return the plane of most joints; ChainError names the others."""
     moving = [joint for joint in robot.joints if joint.moves]
     if not moving:
         raise ChainError(f'{name}: has no joint that moves, must have one')
@@ -212,7 +212,7 @@ def _pair(vector) -> list:
 
 
 def _body(robot, joint, places, plane: Plane, name: str) -> dict:
-    """Return what a chain file says of the joint's child: frame, inertia and laws, all but names."""
+    """Return the keys of a chain file for the joint's child: frame, inertia and laws, all but names."""
     basis = plane.basis
     (_, carrier_shift), (turn, shift) = places[joint.parent], places[joint.child]
     heading = _heading(turn, basis)

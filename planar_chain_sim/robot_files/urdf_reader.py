@@ -1,7 +1,7 @@
 """
-URDF -> Chain: links, inertials, joints, origins, axes, limits, dynamics and mimics; of all else only what would move.
+URDF -> Chain: links, inertials, joints, origins, axes, limits, dynamics, mimics, and whatever else affects the motion.
 
-What is dropped is told, in one line, with joints, plane and gravity: a Python warning of the class RobotFileNote.
+One line, a Python warning of the class RobotFileNote, says what is not used, and gives joints, plane and gravity.
 """
 from __future__ import annotations
 
@@ -55,10 +55,10 @@ def chain_from_urdf(text: str, name: str, hold: dict) -> Chain:
 
 
 class Reader:
-    """Takes the elements of one URDF; every refusal is a ChainError sentence."""
+    """Reads the elements of one URDF; every refusal is a ChainError sentence."""
 
     def __init__(self, root: Element, name: str):
-        """Refuse what is no URDF, or one that holds more than a tree of links."""
+        """Refuse a text that is no URDF, or a URDF with more than a tree of links."""
         self.name, self.root = name, root
         self.welded = {}      # link that <gazebo> welds to the world -> how to refuse that
         self.unused = {}      # what is dropped -> names of where it stands, in the order of the text
@@ -75,7 +75,7 @@ class Reader:
         raise ChainError(f'{self.name}: {problem}')
 
     def drop(self, what: str, where: str = '') -> None:
-        """Note what is not used."""
+        """Note a part that is not used."""
         self.unused.setdefault(what, {})[where] = None
 
     # What must not be dropped in silence
@@ -256,7 +256,7 @@ class Reader:
         return order, root
 
     def _hold_followers(self, joints, hold, initial) -> None:
-        """Weld the followers of welded joints where these put them; ChainError for one whose leader moves."""
+        """Weld the joints that mimic welded joints at the matching values; ChainError: the mimicked joint moves."""
         leaders = {name: element.find('mimic') for name, element in joints.items() if element.find('mimic')}
         for follower, mimic in self._other_mimics():
             if follower in joints:
@@ -340,7 +340,7 @@ class Reader:
         return SpatialJoint(name, kind, ends[0], ends[1], turn, shift, axis, laws, welded_at if name in hold else None)
 
     def _laws(self, name: str, element: Element, kind, initial: dict, told: bool) -> dict:
-        """Return what a chain file says of the joint's limits, damping, friction and initial state."""
+        """Return the keys of a chain file for the joint's limits, damping, friction and initial state."""
         where, laws = f"joint '{clipped(name)}'", {}
         limit, dynamics = element.find('limit'), element.find('dynamics')
         if element.get('type') != 'continuous':
@@ -427,7 +427,7 @@ class Reader:
     # The line that tells of it
 
     def account(self, robot: SpatialRobot, chain: Chain, plane) -> str:
-        """Return one line: joints, plane, gravity, what was done to them, what is not used."""
+        """Return the line about the file: joints, plane, gravity, changes to them, and what is not used."""
         parts = account(robot, chain, plane)
         for what, which in (('no stops at ', self.unstopped),
                             ('initial position moved to the stop at ', self.moved)):

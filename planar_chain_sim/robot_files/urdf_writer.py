@@ -101,7 +101,7 @@ class _Mass(NamedTuple):
 
 
 def _shared_masses(chain: Chain) -> tuple[list, dict]:
-    """Return what mass each body's link has, and each carriage (by its body's index) where it has any."""
+    """Return the mass data of each body's link, and of each carriage by its body's index."""
     turns, sharers = [], [0] * len(chain.bodies)   # whether it ever turns; how many carriages it carries
     for body in chain.bodies:
         turns.append(body.rotation is not None or (body.carrier != BASE and turns[body.carrier]))
@@ -218,7 +218,7 @@ def _ros2_control(robot: Any, chain: Chain, commands: str, states: str) -> None:
 
 
 def left_out(chain: Chain) -> list[str]:
-    """Return what acts in the chain but cannot be written in a URDF, with the joints that have it."""
+    """Return the laws and other numbers of the chain that a URDF cannot have, with their joints."""
     lost = []
     for key, what in (('stiffness', 'springs'), ('armature', 'rotors'), ('preload', 'preloads'),
                       ('restitution', 'restitution')):

@@ -1,4 +1,4 @@
-"""What each term of an equation contributes at a state: which dominates, what could be neglected."""
+"""What each term of an equation contributes at a state: which terms dominate, and which could be neglected."""
 from __future__ import annotations
 
 from typing import NamedTuple

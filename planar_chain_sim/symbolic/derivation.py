@@ -1,9 +1,9 @@
 """
 The equations of motion of a chain, (5.87) and (5.88), multiplied out product by product and reduced.
 
-Where `equations_of_motion.py` has matrices with a row for every body, here each product of a row is a term. Rows of
-bodies that share an angle are added, and in joint coordinates those of all that a joint carries: both are virtual work,
-the transposed map of equations.md 4 and 5. Each equation is made by itself.
+`equations_of_motion.py` has matrices with a row for every body; here each product of a row is a term. Rows of bodies
+that share an angle are added, and in joint coordinates the rows of all bodies that a joint carries. Both follow from
+virtual work, the transposed map of equations.md 4 and 5. Each equation is made by itself.
 """
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Derivation:
     def __init__(self, chain: Chain, absolute: bool):
         self.names = Names(chain, absolute)
         self._motions, self._products, self._signs = {}, {}, {}
-        self._row: dict = {}        # of the coordinate at hand: like terms by what is alike in them
+        self._row: dict = {}        # of the present coordinate: like terms by their common factors
 
     def equation(self, coordinate: Coordinate) -> Equation:
         """Return the equation of one of the names' coordinates."""
@@ -242,7 +242,7 @@ class Derivation:
         return {'r': self.names.r, 'chi': self.names.chi, 'c': self.names.c}[vector.letter][vector.index - 1][0]
 
     def _collect(self, number: int, kind: str, symbols, slides, dot: Optional[ScalarProduct], motions) -> None:
-        """Add to the like term; products that are equal at every state are like, those that vanish are dropped."""
+        """Add to the like term; products are like if they are equal at every state; those that vanish are dropped."""
         sign, angle = written_out(dot) if dot else (1, None)
         if sign:
             entry = self._row.setdefault((kind, motions, symbols, slides, angle), [0, sign, dot])

@@ -1,4 +1,4 @@
-"""equations: a chain's equations of motion as objects, in the coordinates and the form that are asked for."""
+"""equations: a chain's equations of motion as objects, in the chosen coordinates and form."""
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ COORDINATES = ('absolute', 'joint')
 
 class Equations(Sequence):
     """
-    The equations of a chain, one for each coordinate, each made when it is first asked for.
+    The equations of a chain, one for each coordinate, each made at its first use.
 
     [k] takes a number, the name of a joint or of a coordinate. `coordinates` is 'absolute', angles and then slides as
     in the book's example, or 'joint', joints in file order; `unknowns` are the coordinates themselves.
@@ -61,7 +61,7 @@ class Equations(Sequence):
         return self._derived[place]
 
     def place_of(self, name: str) -> int:
-        """Return the number of a coordinate by its joint's or its own name; KeyError names what there is."""
+        """Return the number of a coordinate by its joint's or its own name; KeyError has the names of all."""
         for names in ([unknown.joint for unknown in self.unknowns], [unknown.name for unknown in self.unknowns]):
             if name in names:
                 return names.index(name)
@@ -84,8 +84,8 @@ class Equations(Sequence):
         """
         Return a state at which terms can be evaluated; arrays (joints,) in joint coordinates, SI units.
 
-        `effort` is zero where none is given, `acceleration` what forward_dynamics makes of the rest. ValueError: bad
-        shape or non-finite value. SimulationError: acceleration wanted in a singular configuration.
+        The default of `effort` is zero, that of `acceleration` is computed by forward_dynamics. ValueError: bad shape
+        or non-finite value. SimulationError: this computation meets a singular configuration.
         """
         shape = (self.chain.joint_count,)
         effort = joint_array('effort', np.zeros(shape) if effort is None else effort, shape)

@@ -1,5 +1,5 @@
 """
-What the terms of an equation are made of: symbols, coordinates, vectors and factors, each evaluated at a state.
+The parts of the terms of an equation: symbols, coordinates, vectors and factors, each of which has a value at a state.
 
 str() of each is an expression in the ASCII of programs: 'm3*r2*c3*dot(r2_hat, c3_hat)*phi3_dd'.
 
@@ -37,7 +37,7 @@ class Symbol:
 
     @property
     def name(self) -> str:
-        """What expressions call it."""
+        """Its name in expressions."""
         return f'{self.letter}{self.index or ""}' if self.letter else repr(self.value)
 
     def __str__(self):
@@ -55,7 +55,7 @@ class Coordinate:
 
     @property
     def name(self) -> str:
-        """What expressions call it."""
+        """Its name in expressions."""
         return f'{self.letter}{self.index}'
 
     @property
@@ -124,7 +124,7 @@ class Effort:
 
     @property
     def name(self) -> str:
-        """What expressions call it."""
+        """Its name in expressions."""
         return f'{self.letter}{self.index}'
 
     def evaluate(self, state: State) -> float:
@@ -148,7 +148,7 @@ class Vector:
 
     @property
     def name(self) -> str:
-        """What expressions call it."""
+        """Its name in expressions."""
         return 'g_vec' if self.letter == 'g' else f'{self.shown_letter}{self.index}_hat'
 
     @property

@@ -1,4 +1,4 @@
-"""A chain's equations of motion in LaTeX, to be put into a paper."""
+"""A chain's equations of motion in LaTeX, for a paper."""
 from __future__ import annotations
 
 from dataclasses import replace

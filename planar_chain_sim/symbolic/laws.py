@@ -1,4 +1,4 @@
-"""LAWS: how each law of joint effort stands in the equations, one row each (equations.md 4)."""
+"""LAWS: the term of each law of joint effort in the equations, one row each (equations.md 4)."""
 from __future__ import annotations
 
 from typing import NamedTuple

@@ -1,4 +1,4 @@
-"""How a symbol, a vector or a rate looks: in Unicode text for a terminal, in LaTeX for a paper."""
+"""The notation of symbols, vectors and rates: in Unicode text for a terminal, in LaTeX for a paper."""
 from __future__ import annotations
 
 from functools import lru_cache
@@ -111,7 +111,7 @@ class Latex(Text):
         return ''.join(special.get(c, f'\\{c}' if c in '#$%&_{}' else c) for c in text)
 
     def width(self, text: str) -> int:
-        """Characters that are set, about."""
+        """Approximate number of printed characters."""
         return len(re.sub(r'\\(ddot|dot|hat|mathbf|mathrm|,)|[{}_^]', '', re.sub(r'\\(var)?[a-z]{2,}', 'x', re.sub(
             r'\\(ddot|dot|hat|mathbf|mathrm)\b', '', text))))
 

@@ -1,4 +1,4 @@
-"""A chain's equations of motion as Unicode text that is comfortable in a terminal of 80 columns."""
+"""A chain's equations of motion as Unicode text for a terminal of 80 columns."""
 from __future__ import annotations
 
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""What comes before the equations: the matrices S, S_, P and M = P m P^T, and where the unit vectors point."""
+"""The part before the equations: the matrices S, S_, P and M = P m P^T, and the directions of the unit vectors."""
 from __future__ import annotations
 
 from typing import Iterable

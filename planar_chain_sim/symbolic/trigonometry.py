@@ -1,4 +1,4 @@
-"""Scalar products written out (5.89), symbols replaced by numbers: other terms for the same equations."""
+"""Other terms for the same equations: scalar products written out (5.89), symbols replaced by numbers."""
 from __future__ import annotations
 
 from cmath import phase

@@ -115,7 +115,7 @@ class Writer:
     # --- products
 
     def _product(self, parts: Parts, *behind: str) -> str:
-        """Return |number| * scalars * geometry, then what stands behind."""
+        """Return |number| * scalars * geometry, then the rates behind it."""
         counts = Counter(parts.scalars)
         factors = [self._power(self._scalar(item), count) for item, count in counts.items()]
         factors += [text for text in (self._geometry(parts.geometry), *behind) if text]

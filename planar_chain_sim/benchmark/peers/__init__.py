@@ -1,5 +1,5 @@
 """
-Other libraries on the same chains, in the same run: what each can be asked for, and which are there.
+Other libraries on the same chains, in the same run: their common interface, and which are installed.
 
 A peer is an object with `version`; `evaluation(chain, position, velocity, effort)`, a compiled loop of forward dynamics
 called with a count, where it has one; `curves(problem)`, its methods of integration. Missing, raised when it is made,

@@ -18,7 +18,7 @@ PERIOD = 4000           # ticks of the ramp up and down
 
 
 def holding(peers: dict, size: float) -> Iterator[Check]:
-    """Hold an arm against gravity by friction for an hour, and let go at the right effort."""
+    """Hold an arm against gravity by friction for an hour; it must break away at the right effort."""
     chain = one_joint(friction=7.0)
     simulation = Simulation(chain)
     simulation.advance(HOUR)

@@ -1,4 +1,4 @@
-"""What is asked of it: efforts and ticks of all kinds."""
+"""Efforts and ticks of all kinds."""
 from __future__ import annotations
 
 from dataclasses import replace
@@ -55,7 +55,7 @@ def _unexplained(chain, before, after, effort) -> float:
 
 
 def _pushed(simulation: Simulation, ticks: int, effort: Callable) -> tuple[int, float]:
-    """Return the number of bad states, and the largest energy that comes from nowhere."""
+    """Return the number of bad states, and the largest energy that no work explains."""
     bad, gained, chain = 0, 0.0, simulation.chain
     for tick in range(ticks):
         before = simulation.position, simulation.velocity

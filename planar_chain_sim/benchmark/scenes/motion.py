@@ -106,7 +106,7 @@ def free_chain(peers: dict, size: float) -> Iterator[Check]:
 
 
 def let_go(peers: dict, size: float) -> Iterator[Check]:
-    """Let a straight chain go that lies across at rest: of its series only every fourth term is there."""
+    """Release a straight horizontal chain from rest: only every fourth term of its series is not zero."""
     chain, worst = uniform_rods(3), 0.0
     for power in range(4, 17):
         simulation = Simulation(chain, 'taylor', tolerance=10.0**-power)

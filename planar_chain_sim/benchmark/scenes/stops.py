@@ -118,7 +118,7 @@ def together(peers: dict, size: float) -> Iterator[Check]:
 
 
 def _many_impacts(count: int) -> Check:
-    """See that impacts at once, each with a restitution of its own, give no energy, whatever the arm and its rates."""
+    """Check that simultaneous impacts, each with its own restitution, give no energy, for any arm and rates."""
     random, worst = np.random.default_rng(11), -np.inf
     for _ in range(count):
         rods = uniform_rods(4, gravity=0j)
