@@ -26,6 +26,7 @@ from planar_chain_sim.recording.run_settings import settings_of
 
 ROBOT = pcs.load_chain('four_link_robot.yaml')
 JOINTS = ROBOT.joint_count
+EVENT = '{"tick": 0, "kind": "pause", "data": {}}'
 
 
 def copied(path, copy, change=lambda message: message.data, keep=lambda message: True):
@@ -172,6 +173,19 @@ def test_a_log_that_was_not_closed_or_is_cut_anywhere_is_read_as_far_as_it_is_wh
     assert 0 in lengths and len(lengths) > 1
 
 
+def test_where_a_tick_has_two_states_the_last_counts_and_the_effort_that_led_there(tmp_path):
+    simulation, path, layout = pcs.Simulation(ROBOT), tmp_path / 'run.mcap', JointStateLayout(ROBOT.joint_names)
+    with LogWriter(path, [Channel('/joint_states', 'sensor_msgs/msg/JointState')],
+                   {'chain.yaml': ROBOT.source.encode()},
+                   {'planar_chain_sim': settings_of(simulation, '/joint_states', '/simulator/events')}) as writer:
+        for number, tick in enumerate([0, 1, 1, 1, 2]):
+            layout.position[:], layout.effort[:] = number, 10 + number
+            writer.write('/joint_states', layout.stamped(number), number, number, tick)
+    log = pcs.load_log(path)
+    assert log.time.tolist() == [0.0, 1e-3, 2e-3]
+    assert log.position[:, 0].tolist() == [0.0, 3.0, 4.0] and log.effort[:, 0].tolist() == [11.0, 14.0]
+
+
 def test_a_log_without_states_has_no_rows(tmp_path):
     simulation, path = pcs.Simulation(ROBOT), tmp_path / 'empty.mcap'
     with LogWriter(path, [Channel('/joint_states', 'sensor_msgs/msg/JointState')],
@@ -200,7 +214,7 @@ def test_what_the_log_holds_stays_when_the_file_is_gone(tmp_path):
     ('no efforts', {'change': lambda m: m.data[:-48] + bytes(4) if m.sequence == 3 else m.data},
      'its state of tick 3 lacks values of effort'),
     ('bad event', {'change': lambda m: encode_string('{]') if m.topic != '/joint_states' else m.data}, 'is no event'),
-    ('two in one', {'change': lambda m: encode_string('{}, {}') if m.topic != '/joint_states' else m.data},
+    ('two in one', {'change': lambda m: encode_string(f'{EVENT}, {EVENT}') if m.topic != '/joint_states' else m.data},
      'is no event'),
     ('event without data', {'change': lambda m: encode_string('[]') if m.topic != '/joint_states' else m.data},
      'is no event'),
