@@ -67,4 +67,4 @@ def same_but_for_quantities(chain: Chain, other: Chain) -> bool:
 
 def to_json(values) -> list:
     """Return a quantity's values as JSON can carry them: null for an effort without limit."""
-    return [None if value == inf else float(value) for value in values]
+    return [None if value is None or value == inf else float(value) for value in values]

@@ -33,6 +33,7 @@ class OfflineLog:
     there, so that the run can be computed again from the log alone: hidden round-off terms are cleared. Log time is
     simulated time. `compression`: 'none', 'lz4' or 'zstd'. LogError: the file exists or cannot be written, also later.
     ValueError: a simulation that is between two ticks.
+    While the log is open, what changes the simulation in another way is refused by the next call of the log.
 
     A context manager; close() finishes the file. Example:
 
@@ -43,6 +44,8 @@ class OfflineLog:
     """
 
     def __init__(self, path: Any, simulation: Simulation, compression: str = 'none') -> None:
+        if not isinstance(simulation, Simulation):
+            raise TypeError(f'simulation is {simulation!r:.80}, must be a Simulation: Simulation(chain) makes one')
         self._simulation, joints = simulation, simulation.chain.joint_count
         if simulation.time != simulation.tick * simulation.step:
             raise ValueError(f'the simulation is at t = {simulation.time:.12g} s, between two ticks, must be at one')
@@ -55,6 +58,7 @@ class OfflineLog:
         simulation.set_state(simulation.position, simulation.velocity)
         self._write_state(simulation.tick, simulation.position, simulation.velocity, np.zeros(joints))
         self._write_loads()
+        self._logged = self._scene()
 
     def __enter__(self) -> 'OfflineLog':
         return self
@@ -76,7 +80,7 @@ class OfflineLog:
         """
         simulation, joints = self._simulation, self._held.size
         efforts = self._checked_effort(ticks, effort)
-        self._check_tick()
+        self._check_logged()
         position, velocity, acted = (np.empty((CHUNK, joints)) for _ in range(3))
         start, chunk = 0, 1
         while start < ticks:
@@ -94,6 +98,7 @@ class OfflineLog:
                     event = events.pop(0)   # at its time between two ticks
                     self._write_message(encode_joint_event(event), round(event.time * 1e9))
                 self._write_state(first + k + 1, position[k], velocity[k], acted[k])
+            self._logged = self._scene()
             progress(simulation.tick - first)
             if isinstance(failure, SimulationError):
                 self._write_event(failure.tick, *end_event(failure))
@@ -118,19 +123,22 @@ class OfflineLog:
         strange = [key for key in data if key not in row.keys]
         if strange:
             raise ValueError(f'the change {kind!r} has {strange[0]!r}, must have {", ".join(row.keys) or "no data"}')
-        self._check_tick()
+        self._check_logged()
         data = {**row.defaults, **json.loads(json.dumps(data, default=_plain))}   # as whoever reads the log has it
-        if kind == 'parameter' and data.get('name') in QUANTITIES and isinstance(data.get('value'), list):
-            data['value'] = to_json(data['value'])
+        if kind == 'parameter' and data.get('name') not in (*QUANTITIES, None):   # the node has more, of its own
+            raise ValueError(f'the parameter is {data["name"]!r}, must be one of {", ".join(map(repr, QUANTITIES))}')
         before = simulation.position.tobytes(), simulation.velocity.tobytes()
         apply_event(simulation, kind, data)
         if 'plan' in row.keys:
             data['plan'] = simulation.plan
+        if kind == 'parameter':
+            data['value'] = to_json(data['value'])
         self._write_event(simulation.tick, kind, data)
         if kind == 'reset':
             self._held = np.zeros_like(self._held)
         if before != (simulation.position.tobytes(), simulation.velocity.tobytes()):
             self._write_state(simulation.tick, simulation.position, simulation.velocity, simulation.effort)
+        self._logged = self._scene()
 
     def _checked_effort(self, ticks: int, effort: Any) -> np.ndarray:
         """Return efforts as float64, (joints,) or (ticks, joints); ValueError."""
@@ -141,11 +149,22 @@ class OfflineLog:
             return np.zeros(joints)
         return joint_array('effort', effort, (ticks, joints) if np.ndim(effort) == 2 else (joints,))
 
-    def _check_tick(self) -> None:
-        """Raise ValueError where the simulation was moved but not logged."""
-        if self._simulation.time != self._tick * self._step:
-            raise ValueError(f'the simulation is at t = {self._simulation.time:.12g} s, its log at tick {self._tick}: '
+    def _scene(self) -> tuple:
+        """Return what the log has to know of the simulation, but for its time."""
+        simulation = self._simulation
+        return (simulation.position.tobytes() + simulation.velocity.tobytes(), simulation.wrenches, simulation.chain)
+
+    def _check_logged(self) -> None:
+        """Raise ValueError where the simulation was moved or changed, but not in the log."""
+        simulation, scene = self._simulation, self._scene()
+        if simulation.time != self._tick * self._step:
+            raise ValueError(f'the simulation is at t = {simulation.time:.12g} s, its log at tick {self._tick}: '
                              'it must be moved by advance() of the log')
+        if scene != self._logged:
+            changed = [what for what, now, before in zip(('state', 'wrenches', 'chain or payloads'), scene, self._logged)
+                       if now != before]
+            raise ValueError(f"the simulation's {' and '.join(changed)} changed at tick {self._tick}, but not in its log: "
+                             'they must be changed by change() of the log')
 
     def _write_loads(self) -> None:
         """Log the payloads and wrenches that act already."""

@@ -36,7 +36,7 @@ class Difference:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Outcome of a re-run: number of states compared and the first difference, None where all are equal."""
+    """Outcome of a re-run: states compared, ticks made, and the first difference, None where all are equal."""
 
     states: int
     ticks: int
@@ -47,6 +47,7 @@ def resimulate(log: LogFile) -> Verdict:
     """Run `log` again up to its end or its first difference; LogError: it cannot be run again."""
     following, states = Following(log), 0
     simulation = following.simulation
+    start = simulation.tick
     for tick, message in following.states():
         logged = following.decode(message)
         if tick > simulation.tick:
@@ -57,10 +58,10 @@ def resimulate(log: LogFile) -> Verdict:
         states += 1
         computed = {quantity: getattr(simulation, quantity) for quantity in COMPARED}
         if any(getattr(logged, quantity).tobytes() != computed[quantity].tobytes() for quantity in COMPARED):
-            return Verdict(states, tick, _first_difference(simulation, logged, computed))
+            return Verdict(states, tick - start, _first_difference(simulation, logged, computed))
     if states == 0:
         raise LogError(f'log {str(log.path)!r}: it holds no state to compare with')
-    return Verdict(states, simulation.tick, None)
+    return Verdict(states, simulation.tick - start, None)
 
 
 def _first_difference(simulation, logged, computed: dict) -> Difference:

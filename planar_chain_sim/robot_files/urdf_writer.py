@@ -23,6 +23,7 @@ from ..chain.chain import Chain
 from ..chain.section import clipped
 from ..chain.tree import BASE, Joint
 from ..chain.visual import body_color, visual_ends
+from ..mechanics.plan import plan_of
 
 UNLIMITED = 1e9  # N m, N, rad/s, m/s: stands for no limit where URDF demands one; the reader takes it as such
 THICKNESS = 0.08  # of a visual, by its length
@@ -39,8 +40,12 @@ def urdf_of(chain: Chain, commands: str = COMMANDS, states: str = STATES) -> str
     """
     Return the URDF text of a chain; joint names are those of the joints, link names those of the bodies (`link_names`).
 
-    `commands`, `states`: the topics that stand in its <ros2_control> block.
+    `commands`, `states`: the topics that stand in its <ros2_control> block. TypeError: no chain. ValueError: no topic.
     """
+    plan_of(chain)   # which checks it
+    for name, topic in (('commands', commands), ('states', states)):
+        if not isinstance(topic, str) or not TOPIC.fullmatch(topic):
+            raise ValueError(f'{name} is {topic!r:.80}, must be a topic such as /joint_states')
     robot = ElementTree.Element('robot', name=chain.name)
     names, carriages = link_names(chain)
     joints = _Names(*chain.joint_names)

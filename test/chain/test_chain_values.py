@@ -31,6 +31,7 @@ DOORS = {
     'energy': lambda chain: pcs.energy(chain, *np.zeros((2, 3))),
     'linearize': lambda chain: pcs.linearize(chain, *np.zeros((3, 3))),
     'equations': pcs.equations,
+    'urdf_of': pcs.urdf_of,
     'replace_chain': lambda chain: pcs.Simulation(TWO).replace_chain(chain),
     'body_poses': lambda chain: pcs.body_poses(chain, np.zeros(3)),
     'body_velocities': lambda chain: pcs.body_velocities(chain, *np.zeros((2, 3))),

@@ -81,13 +81,14 @@ def test_effort_limits_act_from_their_tick_on():
 @pytest.mark.parametrize('method', ['auto', 'rk4'])
 def test_a_log_with_changes_runs_again(tmp_path, capsys, method):
     simulation, path = pcs.Simulation(ROBOT, method), tmp_path / 'run.mcap'
-    changes = {40: ('gravity', [0.0, -1.62]), 90: ('damping', SOFT), 160: ('effort_limit', [0.5, inf, 0.5, 0.5, 0.5]),
-               200: ('command_timeout', 0.5)}
+    changes = {40: ('gravity', [0.0, -1.62]), 90: ('damping', SOFT), 160: ('effort_limit', [0.5, inf, 0.5, 0.5, 0.5])}
     with pcs.OfflineLog(path, simulation) as log:
         for tick in range(300):
             if tick in changes:
                 name, value = changes[tick]
                 log.change('parameter', name=name, value=value)
+            if tick == 200:   # a parameter of the node, which changes no motion
+                log._write_event(tick, 'parameter', {'name': 'command_timeout', 'value': 0.5})
             log.advance(1, EFFORT)
     assert resimulation.main([str(path)]) == 0, capsys.readouterr()
     assert 'equal: 301 states' in capsys.readouterr().out

@@ -26,6 +26,14 @@ NOT_SOURCES = shutil.ignore_patterns('.*', 'build', 'install', 'log', 'dist', '*
                                      'MUJOCO_LOG.TXT')
 
 
+def not_sources(folder, names) -> set:
+    """Return which files and folders of `folder` are not the project's; whoever tries it leaves pictures and logs."""
+    ignored, tracked = NOT_SOURCES(folder, names), subprocess.run(
+        ['git', 'ls-files', '-z'], cwd=folder, capture_output=True, text=True).stdout.split('\0')
+    first = {name.partition('/')[0] for name in tracked if name}
+    return ignored | (set(names) - first if first else set())
+
+
 # Both layouts have the same sources: they are compiled once, and without optimisation, as nothing here is timed.
 COMPILER = """#!/bin/sh
 case " $* " in *' -c '*) ;; *) exec {compiler} "$@" ;; esac
@@ -48,7 +56,7 @@ def colcon(workspace, *arguments, **environment):
 def distribution(tmp_path_factory):
     """Return a copy of the sources, and the unpacked source distribution that was made from it."""
     folder = tmp_path_factory.mktemp('distribution')
-    source = shutil.copytree(ROOT, folder / 'source', ignore=NOT_SOURCES)
+    source = shutil.copytree(ROOT, folder / 'source', ignore=not_sources)
     shutil.copytree(source, folder / 'work')   # setup.py leaves files behind
     subprocess.run([sys.executable, 'setup.py', '-q', 'sdist', '-d', folder], cwd=folder / 'work', check=True,
                    capture_output=True)

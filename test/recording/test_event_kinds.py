@@ -64,7 +64,7 @@ def random_change(random, chain):
             'wrench': {'body': body, 'force': numbers(2), 'moment': random.gauss(0.0, 1.0)},
             'payload': {'name': 'load', 'body': body, 'mass': random.choice([0.0, 0.5]), 'position': (0.1, 0.0)},
             'parameter': random.choice([{'name': 'gravity', 'value': numbers(2)}, {'name': 'effort_limit', 'value': [
-                random.choice([np.inf, 1.0]) for _ in range(joints)]}, {'name': 'rate', 'value': 3.0}])}[kind]
+                random.choice([np.inf, 1.0]) for _ in range(joints)]}])}[kind]
     return kind, data
 
 

@@ -290,6 +290,10 @@ def test_changes_of_an_offline_log_that_cannot_be_leave_nothing_in_it(tmp_path):
                 ('wrench', {'body': 'column', 'torque': 1.0}, "the change 'wrench' has 'torque', must have body"),
                 ('wrench', {'body': 'column', 'force': [np.inf, 0.0]}, 'force'),
                 ('parameter', {'name': 'damping', 'value': [-1.0] * 5}, "'damping' is -1.0 in one place"),
+                ('parameter', {'name': 'gravitiy', 'value': [0.0, 0.0]}, "^the parameter is 'gravitiy', must be one of "),
+                ('parameter', {'name': 'rate', 'value': 500.0}, "^the parameter is 'rate', must be one of 'gravity', "),
+                ('parameter', {'name': 'effort_limit', 'value': ['much'] * 5}, 'must be a list of numbers'),
+                ('parameter', {'name': 'effort_limit', 'value': [[1.0]] * 5}, 'must be a list of numbers'),
                 ('state', {'position': [0.0], 'velocity': [0.0] * 5}, 'position has shape'),
                 ('payload', {'name': 'p', 'body': 'column', 'mass': -1.0, 'position': [0.0, 0.0]}, 'must have > 0'),
                 ('state', {'position': object(), 'velocity': 1}, 'cannot be written as JSON')):
@@ -306,6 +310,40 @@ def test_changes_of_an_offline_log_that_cannot_be_leave_nothing_in_it(tmp_path):
     assert pcs.load_log(path).events == [] and len(pcs.load_log(path).time) == 3
 
 
+@pytest.mark.parametrize('change, what', [
+    (lambda simulation: simulation.set_wrench('forearm', [5.0, 0.0]), 'wrenches'),
+    (lambda simulation: simulation.attach('side_arm', 2.0, (0.4, 0.0)), 'chain or payloads'),
+    (lambda simulation: simulation.set_state(np.zeros(JOINTS), np.zeros(JOINTS)), 'state'),
+    (lambda simulation: simulation.replace_chain(ROBOT.with_parameters({'gravity.y': -1.62})), 'chain or payloads')])
+def test_what_an_offline_log_was_not_told_is_refused(tmp_path, change, what):
+    """Such a log would not run again, and nobody would know why."""
+    simulation, path = pcs.Simulation(ROBOT), tmp_path / 'run.mcap'
+    with pcs.OfflineLog(path, simulation) as log:
+        log.advance(20)
+        change(simulation)
+        for call in (lambda: log.advance(1), lambda: log.change('reset')):
+            with pytest.raises(ValueError, match=f"^the simulation's {what} changed at tick 20, but not in its log"):
+                call()
+    assert resimulate(read_log(path)).difference is None
+
+
+def test_a_limit_of_none_is_no_limit(tmp_path):
+    """As the events' table says."""
+    simulation, path = pcs.Simulation(ROBOT), tmp_path / 'run.mcap'
+    with pcs.OfflineLog(path, simulation) as log:
+        log.change('parameter', name='effort_limit', value=[None, 2.0, np.inf, 3.0, None])
+        log.advance(5, [9.0] * JOINTS)
+    assert [joint.effort_limit for joint in simulation.chain.joints] == [np.inf, 2.0, np.inf, 3.0, np.inf]
+    assert pcs.load_log(path).events[0]['data']['value'] == [None, 2.0, None, 3.0, None]
+    assert resimulate(read_log(path)).difference is None
+
+
+def test_an_offline_log_of_what_is_no_simulation_is_refused(tmp_path):
+    with pytest.raises(TypeError, match=r'must be a Simulation: Simulation\(chain\) makes one$'):
+        pcs.OfflineLog(tmp_path / 'run.mcap', ROBOT)
+    assert not (tmp_path / 'run.mcap').exists()
+
+
 def test_a_log_that_begins_in_the_middle_runs_again(tmp_path):
     """After efforts, with a payload on a payload, a wrench, hidden round-off terms and steps under way."""
     simulation, path = pcs.Simulation(ROBOT), tmp_path / 'run.mcap'
@@ -317,7 +355,8 @@ def test_a_log_that_begins_in_the_middle_runs_again(tmp_path):
         log.advance(50, np.full(JOINTS, 0.2))
         log.change('payload', name='cup', body='tray', mass=0.0, position=[0.0, 0.0])
         log.advance(50)
-    assert resimulate(read_log(path)).difference is None
+    verdict = resimulate(read_log(path))
+    assert verdict.difference is None and verdict.ticks == 100 and verdict.states == 101
     read = pcs.load_log(path)
     assert read.time[0] == 137e-3 and [event['kind'] for event in read.events] == [
         'payload', 'payload', 'wrench', 'command', 'payload', 'command']
@@ -325,6 +364,19 @@ def test_a_log_that_begins_in_the_middle_runs_again(tmp_path):
     with pytest.raises(ValueError, match='between two ticks'):
         pcs.OfflineLog(tmp_path / 'other.mcap', simulation)
     assert not (tmp_path / 'other.mcap').exists()
+
+
+@pytest.mark.parametrize('given', [None, 3, [], {}, ['name: one'], bytearray(b'name: one')])
+def test_what_is_no_text_of_a_chain_is_refused(given):
+    with pytest.raises(TypeError, match='must be the text of a chain: load_chain reads a file, chain_from_dict data$'):
+        pcs.chain_from_text(given)
+
+
+@pytest.mark.parametrize('topic', ['', 'a b', '/a"b', None, 3])
+def test_a_topic_that_cannot_be_is_refused(topic):
+    for name in ('commands', 'states'):
+        with pytest.raises(ValueError, match=f'^{name} is .*, must be a topic such as /joint_states$'):
+            pcs.urdf_of(ROBOT, **{name: topic})
 
 
 def test_the_other_public_names():

@@ -129,7 +129,7 @@ def test_ticks_beyond_32_bits_are_followed(tmp_path, capsys):
         log.advance(4)
     assert [message.sequence for message in read_log(path).messages] == [2**32 - 2, 2**32 - 1, 0, 1, 2]
     assert resimulation.main([str(path)]) == 0
-    assert capsys.readouterr().out == f'equal: 5 states over {2**32 + 2} ticks, bit for bit\n'
+    assert capsys.readouterr().out == 'equal: 5 states over 4 ticks, bit for bit\n'
 
 
 @pytest.mark.parametrize('name, options, message', [
