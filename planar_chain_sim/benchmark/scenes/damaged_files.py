@@ -27,7 +27,7 @@ def chain_files(peers: dict, size: float) -> Iterator[Check]:
 
 
 def read_damaged(count: int) -> tuple[int, float, Optional[float]]:
-    """Return how many of `count` damaged texts give neither chain nor sentence, longest CPU time, s, memory growth, MB."""
+    """Return how many of `count` damaged texts give neither chain nor sentence, longest CPU time, s, and MB added."""
     pick = random.Random(7)
     texts = [find_chain_file(name).read_text() for name in ('four_link_robot.yaml', 'cart_arm_telescope.yaml')]
     broken, longest, at_first = 0, 0.0, None
