@@ -21,10 +21,10 @@ def _write(arguments) -> int:
                     'A URDF has no springs and rotors; the initial state is in the <ros2_control> block.',
                     'urdf four_link_robot.yaml --output four_link_robot.urdf')
     parser.add_argument('chain', help='chain file (YAML, URDF or MJCF)')
-    parser.add_argument('--output', metavar='FILE', help='file to write; default: standard output')
+    parser.add_argument('--output', metavar='FILE', help='file to write (default: standard output)')
     parser.add_argument('--commands', metavar='TOPIC', default=COMMANDS,
-                        help=f'topic of commands in the <ros2_control> block; default {COMMANDS}')
-    parser.add_argument('--states', metavar='TOPIC', default=STATES, help=f'topic of states there; default {STATES}')
+                        help=f'topic of commands in the <ros2_control> block (default: {COMMANDS})')
+    parser.add_argument('--states', metavar='TOPIC', default=STATES, help=f'topic of states there (default: {STATES})')
     add_hold(parser)
     options = parser.parse_args(arguments)
     for flag in ('commands', 'states'):

@@ -25,7 +25,7 @@ def _picture(arguments) -> int:
     parser.add_argument('chain', help='chain file, or an MCAP log')
     parser.add_argument('output', help='PNG or SVG file')
     add_hold(parser)
-    parser.add_argument('--duration', type=float, default=12.0, metavar='S', help='simulated time, s; default 12')
+    parser.add_argument('--duration', type=float, default=12.0, metavar='S', help='simulated time, s (default: 12)')
     options = parser.parse_args(arguments)
     if not options.output.endswith(PICTURES):
         raise Mistake(f'{options.output!r}: must end in {" or ".join(map(repr, PICTURES))}')

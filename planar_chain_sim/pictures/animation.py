@@ -121,9 +121,10 @@ def _parser() -> Parser:
                         'file or log with .gif, in the working directory')
     add_hold(parser)
     parser.add_argument('--duration', type=float, metavar='S',
-                        help='simulated time that is shown, s; default: 8, of a log all')
-    parser.add_argument('--speed', type=float, default=1.0, metavar='F', help='simulated seconds per second; default 1')
-    parser.add_argument('--size', type=int, default=480, metavar='PX', help='wider side, pixels; default 480')
+                        help='simulated time that is shown, s (default: 8, of a log all)')
+    parser.add_argument('--speed', type=float, default=1.0, metavar='F',
+                        help='simulated seconds per second (default: 1)')
+    parser.add_argument('--size', type=int, default=480, metavar='PX', help='wider side, pixels (default: 480)')
     return parser
 
 

@@ -31,24 +31,24 @@ def _parser() -> Parser:
                         "the package's config")
     add_hold(parser)
     parser.add_argument('--output', metavar='LOG',
-                        help="new MCAP file; default: the chain file's name with .mcap, in the working directory")
+                        help="new MCAP file (default: the chain file's name with .mcap, in the working directory)")
     parser.add_argument('--duration', type=float, metavar='S',
-                        help='simulated time, s; default: 10, or the time that a file of efforts covers')
-    parser.add_argument('--step', type=float, default=1e-3, metavar='S', help='tick, s; default 0.001')
+                        help='simulated time, s (default: 10, or the time that a file of efforts covers)')
+    parser.add_argument('--step', type=float, default=1e-3, metavar='S', help='tick, s (default: 0.001)')
     parser.add_argument('--method', default='auto', choices=['auto', *METHODS], metavar='M',
-                        help=f'{", ".join(METHODS)}; default auto')
-    parser.add_argument('--tolerance', type=float, metavar='T', help='bound of the local error of an adaptive method; '
-                        'default 1e-9')
+                        help=f'{", ".join(METHODS)} (default: auto)')
+    parser.add_argument('--tolerance', type=float, metavar='T', help='bound of the local error of an adaptive method '
+                        '(default: 1e-9)')
     parser.add_argument('--position', metavar='P', help='initial positions, rad or m: numbers joined by commas in the '
-                        'order of the joints, or joint=number for some of them; an angle also as 90deg or pi/2; '
-                        "default: the chain file's")
+                        'order of the joints, or joint=number for some of them; an angle also as 90deg or pi/2 '
+                        "(default: the chain file's)")
     parser.add_argument('--velocity', metavar='V', help='initial velocities, rad/s or m/s, in the same way')
     parser.add_argument('--effort', metavar='E', help='joint efforts, N m or N: constant ones, as numbers joined '
                         'by commas or joint=number; or a .npy or text file with a row per tick. A text file can have '
                         'a header with the names of joints, and a column time, s, at which each row begins to act. A '
-                        'joint that is not named has no effort. Default: none')
+                        'joint that is not named has no effort (default: none)')
     parser.add_argument('--compression', default='none', choices=sorted(COMPRESSIONS), help='compression of the '
-                        'log; default none')
+                        'log (default: none)')
     return parser
 
 

@@ -56,13 +56,13 @@ def parse(arguments):
     parser = Parser('replay', DESCRIPTION, EXAMPLE)
     parser.add_argument('log', help='MCAP log of the simulator or of rollout')
     parser.add_argument('--what', choices=('commands', 'states'), default='commands',
-                        help='what to publish; default commands')
+                        help='what to publish (default: commands)')
     parser.add_argument('--speed', type=float, default=1.0, metavar='F',
-                        help='multiple of the recorded pace; default 1')
+                        help='multiple of the recorded pace (default: 1)')
     parser.add_argument('--loop', action='store_true', help='begin again at the end')
     parser.add_argument('--start', type=float, default=0.0, metavar='S', help='skip this much of the log, s')
     parser.add_argument('--wait', type=float, default=3.0, metavar='S',
-                        help='longest time to wait for listeners on every topic, s; default 3')
+                        help='longest time to wait for listeners on every topic, s (default: 3)')
     options = parser.parse_args(arguments)
     if not 0.0 < options.speed < float('inf'):
         raise Mistake(f'--speed is {options.speed}, must be a finite number > 0')

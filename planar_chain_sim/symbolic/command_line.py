@@ -39,7 +39,7 @@ def _parser() -> Parser:
                         "directory, else to the package's config; or a log (.mcap), which contains its chain")
     add_hold(parser)
     parser.add_argument('--format', default='text', choices=list(FORMATS), help='default text')
-    parser.add_argument('--joint', action='store_true', help='in joint coordinates; default: in absolute angles')
+    parser.add_argument('--joint', action='store_true', help='in joint coordinates (default: in absolute angles)')
     parser.add_argument('--trigonometric', action='store_true', help='sines and cosines instead of scalar products')
     parser.add_argument('--numeric', action='store_true', help='numbers instead of symbols, like terms added')
     parser.add_argument('--coordinate', metavar='NAME', help='only this equation: the name of a joint, or phi1, x1')
