@@ -1,8 +1,8 @@
 """
 Read a log and say how each joint moved and how much energy the motion lost.
 
-    rollout four_link_robot.yaml --duration 5 --output swing.mcap
-    python examples/read_log.py swing.mcap
+    rollout four_link_robot.yaml --duration 5 --output robot.mcap
+    python examples/read_log.py robot.mcap
 """
 import sys
 

@@ -57,7 +57,8 @@ def load_chain_and_text(path: Union[str, os.PathLike], hold: Hold = None) -> tup
 def chain_from_text(text: Union[str, bytes], name: str = '<text>', hold: Hold = None) -> Chain:
     """Return the chain of a text, YAML, URDF or MJCF (bytes: UTF-8); `name` stands for the file in errors."""
     if not isinstance(text, (str, bytes)):
-        raise TypeError(f'text is {text!r:.80}, must be the text of a chain: load_chain reads a file, chain_from_dict data')
+        raise TypeError(f'text is {text!r:.80}, must be the text of a chain: load_chain reads a file, '
+                        'chain_from_dict data')
     if len(text) > MAX_BYTES:
         raise ChainError(f'{name}: is longer than {MAX_BYTES // 2**20} MiB, must be a chain file in YAML')
     refuse_other_formats(text[:16], name)

@@ -161,9 +161,9 @@ class OfflineLog:
             raise ValueError(f'the simulation is at t = {simulation.time:.12g} s, its log at tick {self._tick}: '
                              'it must be moved by advance() of the log')
         if scene != self._logged:
-            changed = [what for what, now, before in zip(('state', 'wrenches', 'chain or payloads'), scene, self._logged)
-                       if now != before]
-            raise ValueError(f"the simulation's {' and '.join(changed)} changed at tick {self._tick}, but not in its log: "
+            parts = zip(('state', 'wrenches', 'chain or payloads'), scene, self._logged)
+            changed = ' and '.join(what for what, now, before in parts if now != before)
+            raise ValueError(f"the simulation's {changed} changed at tick {self._tick}, but not in its log: "
                              'they must be changed by change() of the log')
 
     def _write_loads(self) -> None:

@@ -290,7 +290,7 @@ def test_changes_of_an_offline_log_that_cannot_be_leave_nothing_in_it(tmp_path):
                 ('wrench', {'body': 'column', 'torque': 1.0}, "the change 'wrench' has 'torque', must have body"),
                 ('wrench', {'body': 'column', 'force': [np.inf, 0.0]}, 'force'),
                 ('parameter', {'name': 'damping', 'value': [-1.0] * 5}, "'damping' is -1.0 in one place"),
-                ('parameter', {'name': 'gravitiy', 'value': [0.0, 0.0]}, "^the parameter is 'gravitiy', must be one of "),
+                ('parameter', {'name': 'gravitiy', 'value': [0.0, 0.0]}, "^the parameter is 'gravitiy', must be"),
                 ('parameter', {'name': 'rate', 'value': 500.0}, "^the parameter is 'rate', must be one of 'gravity', "),
                 ('parameter', {'name': 'effort_limit', 'value': ['much'] * 5}, 'must be a list of numbers'),
                 ('parameter', {'name': 'effort_limit', 'value': [[1.0]] * 5}, 'must be a list of numbers'),
