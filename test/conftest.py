@@ -46,6 +46,16 @@ os.environ['ROS_LOG_DIR'] = log_folder.name
 os.environ.pop('ROS_LOCALHOST_ONLY', None)  # deprecated, but it would win
 
 
+@pytest.fixture(autouse=True)
+def stop_signals():
+    """Put back what a test did to stop signals: an executable that it ran in this process catches or ignores them."""
+    before = [(number, signal.getsignal(number)) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)]
+    yield
+    for number, handler in before:
+        if signal.getsignal(number) is not handler:
+            signal.signal(number, handler)
+
+
 def pytest_report_header():
     """Say what is left out."""
     return None if HAS_ROS else 'no rclpy: test/ros is left out, and tests marked ros are skipped'
