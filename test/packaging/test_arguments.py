@@ -342,3 +342,8 @@ def test_a_stop_signal_in_the_midst_of_the_imports_is_one_line(name, number, tmp
     out, err = process.communicate(timeout=60)
     said = [line for line in err.splitlines() if not line.startswith('import time:')]
     assert process.returncode == 128 + number and out == '' and said == [f'{name}: interrupted']
+
+
+def test_every_executable_without_ros_begins_in_one_module():
+    setup = (Path(__file__).resolve().parents[2] / 'setup.py').read_text()
+    assert re.findall(r"f'(\w+) = \{NAME\}\.executables:(\w+)'", setup) == [(name, name) for name in EXECUTABLES]
