@@ -23,7 +23,7 @@ class SimulationError(Mistake, RuntimeError):
     `time` s, `tick`, `joint` and `body` (names), `position` and `velocity` (joints,): the last good state.
     `time` and `tick` are None where there is no simulation. `reason`: 'singular', a configuration without inertia;
     'not_finite', the state ran away; 'coarse' and 'too_long', the fixed step is too long; 'stalled', the steps have
-    become too short; 'endless_events', stops and friction follow one another without time going on.
+    become too short; 'endless_events', events of stops and friction follow one another without end.
     """
 
     def __init__(self, message: str, *, joint: Optional[str] = None, body: Optional[str] = None,

@@ -178,7 +178,7 @@ def resident_memory(pid: int) -> float:
 
 def _measure(arguments) -> int:
     program = 'python -m planar_chain_sim.benchmark.soak'
-    parser = Parser(program, 'Load the node for a long time and tell what it kept.', f'{program} --seconds 600')
+    parser = Parser(program, 'Load the node for a long time and measure it.', f'{program} --seconds 600')
     parser.add_argument('--rate', type=float, nargs='+', default=[1000.0], metavar='HZ', help='ticks per second')
     parser.add_argument('--seconds', type=float, default=60.0, metavar='S', help='of each rate; default 60')
     options = parser.parse_args(arguments)

@@ -101,7 +101,7 @@ def read_mass(section) -> tuple[float, complex, float, float]:
     steiner = steiner_term(mass, center)
     about = 'kg m^2 about the joint point', 'kg m^2 about the mass centre'
     if 'inertia' in section.data and 'inertia_com' in section.data:
-        section.fail('inertia_com', "stands beside 'inertia', must be exactly one of the two")
+        section.fail('inertia_com', "is given together with 'inertia', must be exactly one of the two")
     if 'inertia_com' in section.data:
         inertia_com = section.number('inertia_com', unit=about[1])
         if inertia_com < -POINT_MASS * steiner:

@@ -73,7 +73,7 @@ def with_payload(chain: Chain, body: str, mass: float, position: ArrayLike, iner
     mass, inertia_com = _number('mass', mass), _number('inertia_com', inertia_com)
     if not mass > 0.0 or not inertia_com >= 0.0:
         raise ValueError(f'payload {name!r:.80} has a mass of {mass!r} kg and an inertia of {inertia_com!r} kg m^2, '
-                         'must have > 0 and >= 0')
+                         'must be > 0 and >= 0')
     if not isinstance(name, str) or not name or name in [each.name for each in chain.bodies]:
         raise ValueError(f'name is {name!r:.80}, must be a string and not the name of a body of {chain.name}')
     return altered(chain, bodies=(*chain.bodies, Body(name, carrier, place, 0.0, mass, 0j, inertia_com, inertia_com)))

@@ -92,7 +92,7 @@ class Methods(dict):
     """Name -> Method."""
 
     def __repr__(self) -> str:
-        return f"METHODS: {', '.join(self)}; METHODS[name] tells family, order, citation and what it conserves"
+        return f"METHODS: {', '.join(self)}; METHODS[name] has family, order, citation and what it conserves"
 
 
 _S = sqrt(15.0)

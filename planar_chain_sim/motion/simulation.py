@@ -35,10 +35,10 @@ if TYPE_CHECKING:
 
 # Why the kernel stopped, by its name of the outcome.
 _WHY = {'singular': 'the configuration is singular', 'not_finite': 'the state ran away and would not be finite',
-        'stalled': 'the steps that the tolerance asks for have become too short to be taken',
-        'too_long': 'the step is too long for the iteration that solves it',
-        'coarse': 'the step is too long, two half steps lead somewhere else',
-        'endless_events': 'its events follow one another without time going on'}
+        'stalled': 'the steps that the tolerance needs have become too short',
+        'too_long': 'the step is too long, its iteration does not converge',
+        'coarse': 'the step is too long, two half steps give another result',
+        'endless_events': 'events of stops and friction follow one another without end at this time'}
 
 EVENT_KINDS = _kernel.EVENT_KINDS
 
@@ -164,7 +164,7 @@ class Simulation:
     def __repr__(self) -> str:
         return (f'Simulation of {self.chain.name} at tick {self.tick}, t = {self.time:g} s: '
                 f'{counted(self.chain.joint_count, "joint")}, method {self.method}, '
-                f'tick {self.step:g} s; plan tells more')
+                f'tick {self.step:g} s; see plan')
 
     def _make_stepper(self, chain: Chain, form: str) -> Any:
         return _kernel.Stepper(plan_of(chain).model, method_data(self._row, self.tolerance), self.step, form == 'dense')

@@ -155,20 +155,20 @@ def _from_text(path: Path, name: str, chain: Chain) -> Efforts:
         lines = data.decode('utf-8-sig').splitlines()
     except UnicodeError:
         raise Mistake(f'{name}: is not UTF-8 text, {forms}') from None
-    separator, remark, numbers = None, '', []
+    separator, comment, numbers = None, '', []
     columns: Any = None
     for number, line in enumerate(lines, start=1):
         if line.strip(EMPTY)[:1] in ('', '#'):
-            remark = line.strip()[1:] if not numbers else remark   # numpy writes a header as a remark
+            comment = line.strip()[1:] if not numbers else comment   # numpy writes a header as a comment
             continue
         where = f'{name} line {number}'
         if columns is None:
             separator = next(mark for mark in SEPARATORS if mark is None or mark in line)
             fields = _split(line, separator)
             header = all(_number(field) is None for field in fields)
-            if not header and len(names := _split(remark, separator)) == len(fields) and all(
+            if not header and len(names := _split(comment, separator)) == len(fields) and all(
                     field in chain.joint_names or TIME.fullmatch(field) for field in names):
-                columns = _columns(names, f'{where}: the remark before it', chain)
+                columns = _columns(names, f'{where}: the comment before it', chain)
             columns = columns or (_columns(fields, where, chain) if header else _unnamed(fields, where, chain))
             if header:
                 continue
@@ -221,7 +221,7 @@ def _columns(fields: list, where: str, chain: Chain) -> list:
                           f'{suggestion(field, chain.joint_names)}, must be one of time, '
                           f'{clipped(", ".join(chain.joint_names), 200)}')
         if place in columns:
-            raise Mistake(f'{where} column {column} is {clipped(field)!r} again, must be another')
+            raise Mistake(f'{where} column {column} is {clipped(field)!r} again, must name another joint')
         columns.append(place)
     if columns == [None]:
         raise Mistake(f'{where} has a time alone, must name joints too')

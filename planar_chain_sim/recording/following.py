@@ -37,7 +37,7 @@ class Following:
                     if event['kind'] in EVENTS and EVENTS[event['kind']].changes_run:
                         self._change(event, tick)
                 except ValueError as error:
-                    raise self.error(f'a message on {message.topic} cannot be followed ({error})') from None
+                    raise self.error(f'a message on {message.topic} cannot be used ({error})') from None
             elif message.topic == state_topic:
                 ahead = (message.sequence - tick) % 2**32   # the log keeps ticks modulo 2^32
                 if ahead > 1:
@@ -50,7 +50,7 @@ class Following:
         try:
             state = decode_joint_state(message.data)
         except CdrError as error:
-            raise self.error(f'a message on {message.topic} cannot be followed ({error})') from None
+            raise self.error(f'a message on {message.topic} cannot be used ({error})') from None
         if state.names != self.simulation.chain.joint_names:
             raise self.error(f'its state of tick {message.sequence} names other joints than its chain')
         for quantity in ('position', 'velocity', 'effort'):

@@ -306,7 +306,7 @@ class BackgroundLogWriter:
             except LogError as error:
                 self._stop(error)
             except BaseException:   # a mistake of ours: Python shows its traceback, and nobody waits for this thread
-                self._stop(LogError(f'log {str(self._writer.path)!r}: writing stopped by an error inside, shown above'))
+                self._stop(LogError(f'log {str(self._writer.path)!r}: writing stopped by a bug, traceback above'))
                 raise
 
     def _write_until_closed(self) -> None:

@@ -81,12 +81,12 @@ def main(arguments=None) -> int:
 def _resimulate_file(arguments) -> int:
     parser = Parser('resimulate',
                     'Run the chain of a log again, with its method, step and changes, and compare all states '
-                    'bit for bit.\n\nExit code 0: equal; 1: different; 2: the log cannot be read, or a bug is shown.',
+                    'bit for bit.\n\nExit code 0: equal; 1: different; 2: the log cannot be read, or there is a bug.',
                     'resimulate run.mcap')
     parser.add_argument('log', help='MCAP log of the simulator or of rollout')
     log = read_log(parser.parse_args(arguments).log)
     verdict = resimulate(log)
-    torn = '' if log.complete else '; the log was not closed properly, what is whole was compared'
+    torn = '' if log.complete else '; the log was not closed properly, only its whole chunks were compared'
     if verdict.difference is not None:
         print_line(f'different: {verdict.difference}{torn}')
         return 1

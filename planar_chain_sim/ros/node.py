@@ -167,7 +167,7 @@ def serve(node, ending, stop, simulator, chain, urdf, values, log, ends) -> None
         frame_id = values['frame_id'] or frames.root
         if frame_id not in frames.links:
             node.get_logger().warning(f"parameter 'frame_id' is {frame_id!r:.80}, not a link of the robot: "
-                                      f'joint_states bear it, and markers are drawn in it as in {frames.root!r:.80}')
+                                      f'joint_states have it, and markers are drawn as in {frames.root!r:.80}')
     if values['publish_markers']:
         from .markers import marker_array, PERIOD as MARKER_PERIOD
 

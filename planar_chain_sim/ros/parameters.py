@@ -74,7 +74,7 @@ PARAMETERS = (
     # At 1e-6 and 1 Hz a tick takes 11 days.
     Row('real_time_factor', 1.0, 'Simulated seconds per second of wall time; 0: as fast as possible.', (0.0, 1e3),
         live=True, unit='s/s', smallest=1e-6),
-    Row('start_paused', False, 'Start paused, so that nothing falls before a controller is there.'),
+    Row('start_paused', False, 'Start paused, so that nothing moves before a controller is there.'),
     Row('lockstep', False, 'Publish a state, then wait until every joint of lockstep_joints has a command for it.'),
     Row('command_timeout', 0.0, 'Simulated time without a new command after which a joint gets zero effort; 0: never. '
         'In lockstep: wall time after which missing commands are reported; 0: 1 s.', (0.0, 1e6), live=True, unit='s'),

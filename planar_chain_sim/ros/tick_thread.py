@@ -186,7 +186,7 @@ class TickThread:
         if held_up > self._reported:
             self._publication.publish_event('held_up', seconds=(held_up - self._reported) * 1e-9)
             self._warn('held up', f'the middleware held up publishing for {held_up * 1e-9:.3f} s, as happens when '
-                       'others join; the node catches up with that, unless more lateness comes on top')
+                       'a subscriber joins; the node catches up with that, unless other delays are added')
         self._reported = held_up
         if late > LONGEST_LATENESS + held_up:
             self._drop_time(now)

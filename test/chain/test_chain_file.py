@@ -60,7 +60,7 @@ MISTAKES = [
     ('inertia: 0.4', 'inertia: 0.2', 8, "body 'upper' key 'inertia' is 0.2, must be at least mass * "
      f"|center_of_mass|^2 = 0.25 ({KG_M2}; about the mass centre the key is 'inertia_com')"),
     ('inertia: 0.4', 'inertia: 0.4\n    inertia_com: 0.1', 9,
-     "body 'upper' key 'inertia_com' stands beside 'inertia', must be exactly one of the two"),
+     "body 'upper' key 'inertia_com' is given together with 'inertia', must be exactly one of the two"),
     ('name: forearm', 'name: upper', 12,
      "body 'upper' key 'name' is 'upper', the name of an earlier body, must be a name of its own"),
     ('name: forearm', 'name: base', 12,

@@ -301,7 +301,7 @@ def test_a_heavy_payload_changes_the_form_and_keeps_the_digits():
 
 @pytest.mark.parametrize('arguments, sentence', [
     (('elbow', 1.0), "body is 'elbow', must be one of column, upper_arm, forearm, side_arm"),
-    (('forearm', -1.0), "payload 'payload' has a mass of -1.0 kg and an inertia of 0.0 kg m^2, must have > 0 and >= 0"),
+    (('forearm', -1.0), "payload 'payload' has a mass of -1.0 kg and an inertia of 0.0 kg m^2, must be > 0 and >= 0"),
     (('forearm', np.nan), 'mass[0] is nan, must be finite'),
     (('forearm', 1.0, (0.0, np.inf)), 'position[1] is inf, must be finite'),
     (('forearm', 1.0, (0.0, 0.0), 0.0, 'column'),

@@ -203,7 +203,7 @@ JOINTS = ', '.join(pcs.load_chain(ROBOT).joint_names)
     ('time;column_slide\n0;1\n0,5;2\n', " line 3 column 1 (time) is '0,5', must be a finite number, with a point"),
     ('time,colum_slide\n0,1\n', " line 1 column 2 is 'colum_slide', no number and no joint of four_link_robot (did "
      f"you mean 'column_slide'?), must be one of time, {JOINTS}"),
-    ('column_slide,column_slide\n0,1\n', " line 1 column 2 is 'column_slide' again, must be another"),
+    ('column_slide,column_slide\n0,1\n', " line 1 column 2 is 'column_slide' again, must name another joint"),
     ('time\n0\n', ' line 1 has a time alone, must name joints too'),
     ('time column_slide\n0 1\n0 2\n', ' line 3 column 1 (time) is 0, must be later than 0 s before it'),
     ('time column_slide\n-1 1\n', ' line 2 column 1 (time) is -1, must be at least 0 s'),
