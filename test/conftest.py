@@ -1,4 +1,4 @@
-"""What every test run needs before any test module is imported."""
+"""Preparation of every test run, before any test module is imported."""
 from importlib.machinery import EXTENSION_SUFFIXES
 from importlib.util import find_spec
 import os
@@ -57,7 +57,7 @@ def stop_signals():
 
 
 def pytest_report_header():
-    """Say what is left out."""
+    """Return a line that says what is left out."""
     return None if HAS_ROS else 'no rclpy: test/ros is left out, and tests marked ros are skipped'
 
 

@@ -1,4 +1,4 @@
-"""The blocks of the documents: what stands between two fences, in which language, and whether it is to be run."""
+"""The blocks of the documents: the text between two fences, its language, and whether it is to be run."""
 from importlib.util import find_spec
 from pathlib import Path
 import re

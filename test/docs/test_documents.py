@@ -77,7 +77,7 @@ class Terminal:
 
 
 class Reader:
-    """Somebody who reads a page and types what it says."""
+    """A reader who follows a page and types its commands."""
 
     def __init__(self, folder: Path, tools: Path):
         self.folder, self.names, self.output, self.before = folder, {}, None, []
@@ -144,7 +144,7 @@ class Reader:
             assert 'Traceback' not in started.output, started.output
 
     def compare(self, block) -> None:
-        """Find the lines of a text block in what was printed last, in order and gapless but for `...`."""
+        """Find the lines of a text block in the last output, in order and without gaps except at `...`."""
         found = [line.rstrip() for line in self.output.splitlines()]
         place = None
         for line in map(str.rstrip, block.text.splitlines()):
@@ -159,7 +159,7 @@ class Reader:
 
 
 def wait_for_efforts() -> None:
-    """Wait until a state says that actuators have given efforts."""
+    """Wait for a state with efforts that are not zero."""
     from rclpy import Context, init
     from rclpy.executors import SingleThreadedExecutor
     from rclpy.node import Node
@@ -228,7 +228,7 @@ def test_no_page_writes_the_file_of_another():
     assert len(written) > 10 and not [name for name, times in written.items() if times > 1], written
 
 
-def test_what_is_not_run_is_counted():
+def test_blocks_that_are_not_run_are_counted():
     counted = Counter(block.untested for page in PAGES for block in blocks_of(page)
                       if block.untested not in ('', MISSING))
     assert counted == NOT_RUN

@@ -34,7 +34,7 @@ def test_arms_spread():
     assert np.ptp(position[:, 0]) > 1.0     # rad, from 2e-6
 
 
-def test_the_pushed_pendulum_rests_where_it_must():
+def test_the_pushed_pendulum_rests_where_statics_says():
     released, expected = example('wrench').main()
     assert abs(released) < 1e-9 and 0.5 < expected < 0.6
 

@@ -124,7 +124,7 @@ def test_what_is_no_number_is_refused_at_every_door(door, what):
 
 @pytest.mark.parametrize('seed', range(40))
 def test_a_random_misfit_at_a_random_door_is_one_sentence(seed):
-    """Rows that are right, a part of which is replaced by what is no number, in any container."""
+    """Valid rows of which a part is replaced by something that is no number, in any container."""
     draw = np.random.default_rng(seed)
     wrong = ['1', b'1', 'x', None, 1j, 10**400, -10**400, np.nan, np.inf, np.datetime64('2020-01-01'), object(), [0.1]]
     for name, door in doors().items():

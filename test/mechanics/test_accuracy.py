@@ -51,7 +51,7 @@ def test_one_evaluation_keeps_thirteen_digits(count, ratio):
 
 
 @pytest.mark.parametrize('tilt', [0.7, -1.5])
-def test_a_straight_chain_let_go_is_as_exact_as_its_angles(tilt):
+def test_a_straight_chain_released_from_rest_is_as_exact_as_its_angles(tilt):
     """
     Straight under its weight, 512 rods are ill-conditioned: the error, 2e-13 and 5e-13, is no defect of the evaluation.
 
@@ -68,7 +68,7 @@ def test_a_straight_chain_let_go_is_as_exact_as_its_angles(tilt):
 
 @pytest.mark.parametrize('gravity', [-9.81j, 9.81 * np.exp(-0.7j), 0j])
 @pytest.mark.parametrize('links', [1, 2, 7, 33])
-def test_what_needs_no_refinement_is_not_refined(links, gravity):
+def test_chains_that_need_no_refinement_are_not_refined(links, gravity):
     """Lying across, hanging or floating: straight, a chain may be in balance, and all of its acceleration rounding."""
     rods = uniform_rods(links, complex(gravity))
     hanging = dataclasses.replace(rods, bodies=(dataclasses.replace(rods.bodies[0], angle=-0.7), *rods.bodies[1:]))

@@ -80,7 +80,7 @@ def test_reaction_forces_agree(scene):
 
 
 def test_the_joint_carries_its_own_effort(scene):
-    """What acts along a joint is what the actuator, the laws and its rotor leave: virtual work, no Newton."""
+    """The load along a joint follows from actuator, laws and rotor by virtual work, without Newton's laws."""
     chain, position, velocity, effort, *_ = scene
     acceleration = pcs.forward_dynamics(chain, position, velocity, effort)
     forces, poses = pcs.reaction_forces(chain, position, velocity, effort), pcs.body_poses(chain, position)
@@ -136,7 +136,7 @@ def test_leading_axes_are_kept():
     (lambda chain, q: pcs.forward_dynamics(chain, [q] * 2, [q] * 3, q), 'the leading axes do not fit'),
     (lambda chain, q: pcs.energy(chain, [[]], [[]]), 'position has shape'),
 ])
-def test_misfits_are_refused(call, sentence):
+def test_bad_arguments_are_refused(call, sentence):
     chain = random_tree(3, bodies=5)
     with pytest.raises(ValueError) as caught:
         call(chain, np.ones(chain.joint_count))

@@ -88,8 +88,8 @@ def test_an_acceleration_that_overflows_is_named():
         pcs.forward_dynamics(chain, [0.0, 0.0], [0.0, 0.0], [1.0, 1e308])
 
 
-def test_a_failed_evaluation_leaves_nothing_behind():
-    """The limb on the trunk is eliminated before the thin link fails; its share must not be met again."""
+def test_a_failed_evaluation_does_not_affect_the_next():
+    """The limb on the trunk is eliminated before the thin link fails; its share must not remain for the next call."""
     def chain():
         return chain_of(turning(-1, 1.0, 0.5, 1.0), turning(0, 0.0, 0j, 0.0, origin=1.0),
                         turning(1, 1.0, 1.0, 1.0, origin=1.0), turning(0, 1.0, 0.5j, 1.0, origin=0.5))

@@ -104,7 +104,7 @@ def test_evaluations_in_lanes_are_forward_dynamics(name):
 
 @pytest.mark.parametrize('method', FIXED)
 def test_a_far_angle_among_near_ones(method):
-    """Beyond half a million quarter turns a lane takes the slower road, alone."""
+    """Beyond half a million quarter turns one lane alone uses the slower reduction."""
     chain = CHAINS['double_pendulum']
     position, velocity, effort = states(chain)
     position[3, 0], position[9, 1] = 1e7, -3e6
@@ -216,7 +216,7 @@ PAIR = CHAINS['double_pendulum']
     ({'duration': 0.0105}, 'duration is 0.0105 s, must be a whole number >= 0 of steps of 0.001 s'),
     ({'step': -1.0}, 'step is -1.0, must be a positive finite number of seconds'),
 ])
-def test_what_is_no_batch_is_refused_in_one_sentence(changes, sentence):
+def test_bad_arguments_of_a_batch_are_one_sentence(changes, sentence):
     arguments = {'chain': PAIR, 'position': np.zeros((4, 2)), 'velocity': np.zeros(2), 'duration': 0.01} | changes
     with pytest.raises(ValueError) as refused:
         pcs.rollout_batch(**arguments)

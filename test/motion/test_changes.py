@@ -136,7 +136,7 @@ def test_the_work_of_a_wrench_is_balanced():
     assert error(2000) < 1e-9   # sums of more than one block
 
 
-def test_energy_that_comes_from_nowhere_is_seen():
+def test_energy_without_a_source_is_detected():
     free = changed_chain(pcs.load_chain('double_pendulum.yaml'), 'damping', [0.0, 0.0])
     assert abs(balance_of(free, 'auto', 1e-3, 2000).error) < 1e-7 * balance_of(free, 'auto', 1e-3, 1).size
     crude = balance_of(free, 'semi_implicit_euler', 1e-2, 500)

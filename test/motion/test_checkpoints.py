@@ -21,7 +21,7 @@ COPIES = (copy.copy, copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one)))
 
 
 def bits(simulation):
-    """Return all that a simulation says of its motion."""
+    """Return all results of a simulation."""
     return (simulation.tick, simulation.time, *(getattr(simulation, name).tobytes() for name in (
         'position', 'velocity', 'effort', 'acceleration', 'wrench_effort')), simulation.statistics, simulation.plan,
         simulation.payloads)
@@ -201,7 +201,7 @@ def test_whatever_number_of_a_state_is_damaged_it_is_refused_or_harmless(chain, 
 
 
 @pytest.mark.parametrize('method', pcs.METHODS)
-def test_what_stands_stands_where_the_state_says_and_what_is_left_of_sums_is_small(method):
+def test_positions_of_standing_joints_and_remainders_of_sums_are_checked(method):
     simulation = pcs.Simulation(FRICTION, method)
     for _ in range(3000):
         simulation.advance(1)
@@ -276,7 +276,7 @@ def test_a_name_that_is_no_family_is_an_error():
     ('tableau', {'family': 'explicit Runge-Kutta', 'error': [0.0] * 3, 'dense': [0.0] * 4}),
 ])
 def test_numbers_of_a_method_that_do_not_fit_each_other_make_no_stepper(word, settings):
-    """Each beside what is taken: the kernel reads rows of them at places that it works out from the others."""
+    """Each differs a little from an accepted one: the kernel computes from these numbers where it reads rows."""
     good = {'stages': 2, 'a': [0.0, 0.0, 1.0, 0.0], 'b': [0.5, 0.5], 'error': [0.0] * 2, 'dense_a': [],
             'dense': [0.0] * 4, 'c': [0.0] * 4, 'gamma': 0.3}
     method = {'family': 'Rosenbrock', 'order': 6, 'adaptive': True, 'tolerance': 1e-6, 'fixed': 0.0}
@@ -295,7 +295,7 @@ def test_numbers_of_a_method_that_do_not_fit_each_other_make_no_stepper(word, se
 
 @pytest.mark.parametrize('method', pcs.METHODS)
 @pytest.mark.parametrize('chain', [TWO_RODS, FRICTION], ids=lambda chain: chain.name)
-def test_a_state_that_is_put_starts_anew(chain, method):
+def test_set_state_restarts_the_method(chain, method):
     """Twin: one that has not moved before."""
     going, twin = pcs.Simulation(chain, method), pcs.Simulation(chain, method)
     going.advance(37)

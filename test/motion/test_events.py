@@ -101,7 +101,7 @@ def test_a_sliding_block_stops_and_stands_until_the_break_away_effort(method):
 
 
 def test_a_slow_ramp_slips_at_the_right_effort_and_friction_holds_an_arm_for_an_hour():
-    """The pendulum across needs 10 N m; friction of 12 holds it, and lets go when the ramp has taken off 2 N m."""
+    """The horizontal pendulum needs 10 N m; friction of 12 holds it, and it slips when the ramp has removed 2 N m."""
     simulation = pcs.Simulation(pendulum(friction=12.0, position=0.0), step=0.01)
     simulation.advance(360_000)
     assert simulation.position.tolist() == simulation.velocity.tolist() == [0.0] and simulation.take_events() == []
@@ -140,7 +140,7 @@ def test_a_grazing_stop_is_seen_between_two_ticks():
 
 
 @pytest.mark.parametrize('seed', range(12))
-def test_what_stands_and_what_slides_is_the_one_solution(seed):
+def test_standing_and_sliding_joints_are_the_unique_solution(seed):
     """
     Invariant: trees at rest, some joints on stops and some with friction.
 
@@ -173,7 +173,7 @@ def test_what_stands_and_what_slides_is_the_one_solution(seed):
             assert a == 0.0 or abs(abs(force) - most) < scale
 
 
-def test_acceleration_of_a_state_put_by_hand_knows_what_stands():
+def test_acceleration_after_set_state_respects_standing_joints():
     chain = with_laws(uniform_rods(2), friction=[10.0, 0.0], upper=[np.inf, 0.5], position=[0.1, 0.2])
     simulation = pcs.Simulation(chain)
     held = simulation.acceleration
@@ -214,7 +214,7 @@ def test_calls_may_be_cut_anywhere_and_a_checkpoint_goes_on_with_the_same_bits(m
 
 
 def test_energy_never_rises_by_itself():
-    """Friction, stops and dampers only take: within the tolerance of the method."""
+    """Friction, stops and dampers only take energy, within the tolerance of the method."""
     chain = robot()
     simulation = pcs.Simulation(chain, tolerance=1e-12)
     energy = sum(pcs.energy(chain, simulation.position, simulation.velocity))
@@ -321,7 +321,7 @@ def test_random_scenes_keep_to_their_stops_and_only_lose_energy(seed, method):
 @pytest.mark.parametrize('method', [name for name, row in pcs.METHODS.items() if row.adaptive])
 @pytest.mark.parametrize('step', [5e-324, 1e-320, 1e-300])
 def test_ticks_shorter_than_any_motion_end(method, step):
-    """A part of a step this short may be no number: the search for events goes on all the same."""
+    """A part of so short a step may underflow to zero: the search for events must still end."""
     program = (f'import planar_chain_sim as pcs; s = pcs.Simulation(pcs.chain_from_dict({{"bodies": [{{"name": "a", '
                f'"carrier": "base", "mass": 1.0, "inertia_com": 0.1, "rotation": {{"joint": "j", "friction": 0.1, '
                f'"velocity": 1.0}}}}]}}), {method!r}, step={step!r}); s.advance(3); print(s.tick)')

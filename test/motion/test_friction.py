@@ -51,8 +51,8 @@ def test_coaxial_joints_of_equal_friction_stand_and_turn_as_they_should(method, 
 @pytest.mark.parametrize('method', STIFF_TOO)
 @pytest.mark.parametrize('chain', [
     three_links(), *(held_rods(friction) for friction in (10.118077087523773, 9.77, 10.148, 9.18))])
-def test_break_away_never_calls_for_itself_again(method, chain):
-    """The runs that ended or stalled: lambda beyond its bound by rounding here, within it there."""
+def test_a_break_away_does_not_cause_another_one(method, chain):
+    """Runs that once ended or stalled because rounding put lambda beyond its bound in one computation of two."""
     simulation = pcs.Simulation(chain, method)
     most = 0
     for _ in range(3000):
@@ -64,7 +64,7 @@ def test_break_away_never_calls_for_itself_again(method, chain):
 
 @pytest.mark.parametrize('excess', [1e-2, 1e-4])
 def test_a_short_break_away_is_seen_whatever_the_tick(excess):
-    """Equality for what takes its own steps: what the first joint slips does not hang on the tick, be it 3 s."""
+    """With adaptive methods the slip of the first joint is the same for all ticks, even of 3 s."""
     for method in ('taylor', 'dop853', 'rodas5p'):
         slips = [break_away(excess, method, step) for step in (1e-3, 1e-2, 0.1, 3.0)]
         for slip, events in slips:
@@ -125,7 +125,7 @@ def test_a_break_away_within_an_ulp_of_a_tick(method):
 
 
 def test_efforts_alone_are_compared_to_the_last_bit_and_rounding_is_allowed_for_elsewhere():
-    """Without gravity nothing is rounded: 0.7 N holds at 0.7, and goes at the next number, whatever the inertia."""
+    """Without gravity nothing is rounded: friction of 0.7 N holds at 0.7, not at the next number, for any inertia."""
     for mass in (1.0, 3.0, 7.3):
         chain = pcs.chain_from_dict({'name': 'block', 'bodies': [
             {'name': 'block', 'carrier': 'base', 'mass': mass, 'inertia_com': 0.1,
@@ -232,7 +232,7 @@ def test_two_methods_and_two_ticks_see_the_same_events(seed):
                 == sorted((event.kind, event.joint) for event in others if event.time < until))
 
 
-def test_an_impact_of_joints_that_rest_on_their_stops_is_solved_whatever_rounding_says():
+def test_an_impact_of_joints_that_rest_on_their_stops_is_solved_despite_rounding():
     """Four joints on stops, one of them moving: pivoting went back and forth between two zeros (scene 4838)."""
     assert run_scene(random_scene(4838), 1.5).rise == 0.0
 
@@ -299,7 +299,7 @@ def test_no_impact_gives_energy(seed):
 
 
 @pytest.mark.parametrize('method', STIFF_TOO)
-def test_what_holds_a_joint_by_symmetry_alone_is_no_event(method):
+def test_a_joint_held_by_symmetry_alone_has_no_event(method):
     """A body that falls onto a stop and turns there, and an arm that turns as one: lambda is zero but for rounding."""
     fallen = pcs.chain_from_dict({'name': 'fallen', 'gravity': [0.0, 0.0], 'bodies': [
         {'name': 'b', 'carrier': 'base', 'mass': 1.0, 'inertia_com': 0.1, 'center_of_mass': [0.5, 0.0],

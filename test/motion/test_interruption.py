@@ -20,7 +20,7 @@ ADAPTIVE = [name for name, row in pcs.METHODS.items() if row.adaptive]
 
 
 class Rung(Exception):
-    """What the signal handler of these tests raises."""
+    """The exception of the signal handler of these tests."""
 
 
 @contextmanager
@@ -76,7 +76,7 @@ def test_interrupted_at_random_times_a_run_has_the_bits_of_a_whole_one(name, met
 @pytest.mark.parametrize('method', ADAPTIVE)
 @pytest.mark.parametrize('name', CHAINS)
 def test_interrupted_within_a_tick_of_many_steps_it_is_as_before_the_tick(name, method):
-    """The steps of a long tick under way are given up; those that led to it, and go beyond it, are not."""
+    """The steps within a long tick are discarded; a step that began before the tick and covers its start is kept."""
     chain, draw, stops = CHAINS[name], np.random.default_rng(2), 0
     step = 2.0 if name == 'rubbing' else 500.0
     whole = whole_run(chain, method, step, 3)
@@ -112,7 +112,7 @@ def test_interrupted_within_a_tick_of_many_steps_it_is_as_before_the_tick(name, 
 
 
 @pytest.mark.parametrize('method', ADAPTIVE)
-def test_interrupted_among_events_what_slides_and_stands_is_as_before_the_tick(method):
+def test_interrupted_among_events_sliding_and_standing_joints_are_as_before_the_tick(method):
     """The tick before has left steps under way, and each tick has many events."""
     joints = ({'friction': 1e-4, 'velocity': 3.0}, {'lower': -1.0, 'upper': 1.5, 'restitution': 1.0})
     chain = pcs.chain_from_dict({'name': 'creaking', 'bodies': [
@@ -198,7 +198,7 @@ def test_rows_that_were_recorded_before_the_stop_are_those_of_a_whole_run():
     assert rows[0][done - 1].tobytes() == simulation.position.tobytes()
 
 
-def test_a_handler_in_the_midst_of_a_call_is_refused_everything_but_interrupt():
+def test_a_handler_during_a_call_may_only_call_interrupt():
     simulation, refused = pcs.Simulation(CHAINS['double_pendulum']), []
 
     def ask():
@@ -233,7 +233,7 @@ def test_a_signal_reaches_a_thread_that_waits_for_another_ones_call():
     assert not thread.is_alive() and simulation.tick > 0
 
 
-def test_a_batch_whose_scenes_have_ended_hears_a_signal_while_it_fills_up_the_rest():
+def test_a_signal_ends_a_batch_that_fills_up_rows_of_ended_scenes():
     """The rows that are left take 9.6 GB; after a stop few of them have been touched."""
     program = (
         'import resource, signal, numpy as np, planar_chain_sim as pcs\n'

@@ -230,7 +230,7 @@ def test_a_joint_that_stands_carries_wrenches_as_a_weld_does(method):
     np.testing.assert_allclose(stuck.position[others], welded.position, rtol=0, atol=1e-10)
 
 
-def test_friction_gives_way_to_a_wrench_at_the_right_moment_and_says_so():
+def test_a_wrench_breaks_friction_at_the_right_moment_with_an_event():
     for moment, kinds in ((2.999999, []), (3.000001, ['slipped'])):
         chain = replace(ARM, gravity=0j, bodies=(replace(ARM.bodies[0], rotation=replace(
             ARM.bodies[0].rotation, friction=3.0)), *ARM.bodies[1:]))
@@ -245,8 +245,8 @@ def test_friction_gives_way_to_a_wrench_at_the_right_moment_and_says_so():
         assert (simulation.position[0] == 0.0) == (not kinds)
 
 
-def test_what_holds_a_joint_feels_the_wrenches_outboard():
-    """A force that turns with a moving link sets off the standing one when its moment outgrows the friction there."""
+def test_a_held_joint_carries_the_wrenches_outboard():
+    """A force that turns with a moving link moves the standing link when its moment exceeds the friction there."""
     first, second = ARM.bodies[:2]
     held = replace(first, rotation=replace(first.rotation, friction=1.0))
     chain = replace(ARM, gravity=0j, bodies=(held, second))
@@ -396,7 +396,7 @@ def test_a_log_with_loads_runs_again_and_knows_the_chain_of_each_tick(tmp_path, 
 
 
 def test_a_wrench_that_has_not_acted_yet_is_in_the_acceleration_and_in_a_checkpoint():
-    """A joint that friction holds: whether it gives way is decided with the wrench, also after a restore."""
+    """A joint that friction holds: whether it slips is decided with the wrench, also after a restore."""
     first, *others = ARM.bodies
     held = replace(first, rotation=replace(first.rotation, friction=3.0))
     chain = replace(ARM, gravity=0j, bodies=(held, *others))

@@ -169,7 +169,7 @@ def test_checkpoint_goes_on_with_the_same_bits(name):
 
 @pytest.mark.parametrize('name', ADAPTIVE)
 def test_steps_start_anew_where_the_effort_changes(name):
-    """As if the state at that tick had been put there: nothing of the old step is left."""
+    """The same as setting the state at that tick: nothing of the old step is used."""
     efforts = schedule(CHAIN)
     going = pcs.Simulation(CHAIN, name, 5e-3)
     going.advance(7, efforts[0])
@@ -185,7 +185,7 @@ def test_steps_start_anew_where_the_effort_changes(name):
 
 @pytest.mark.parametrize('name', pcs.METHODS)
 @pytest.mark.parametrize('stem', sorted(path.stem for path in CONFIG.iterdir()))
-def test_every_method_moves_every_chain_that_comes_along(name, stem):
+def test_every_method_moves_every_shipped_chain(name, stem):
     """Ten ticks of 1 ms end where the others end, as near as the order allows."""
     chain = pcs.load_chain(CONFIG / f'{stem}.yaml')
     run = pcs.rollout(chain, 0.01, 1e-3, name)
@@ -259,7 +259,7 @@ def test_gauss6_says_when_its_iteration_does_not_converge():
     assert simulation.velocity.tolist() == [1.0]
 
 
-def test_gauss6_iterates_from_what_it_knows():
+def test_gauss6_iterates_from_the_last_stages():
     """Where the same effort goes on, the stages of the last two steps are a far better start than the state alone."""
     evaluations = []
     for change in (0.0, 1e-300):

@@ -18,7 +18,7 @@ def loaded(chain, preload):
 
 @pytest.mark.parametrize('bodies', [1, 4, 9])
 @pytest.mark.parametrize('seed', range(4))
-def test_it_is_an_effort_in_every_form(seed, bodies):
+def test_a_preload_is_an_effort_in_every_form(seed, bodies):
     """Twin: 1e-15: the sum of two efforts is rounded at another place."""
     chain = random_tree(seed, bodies)
     position, velocity, effort = random_state(chain, seed)
@@ -35,7 +35,7 @@ def test_it_is_an_effort_in_every_form(seed, bodies):
 
 
 @pytest.mark.parametrize('method', sorted(pcs.METHODS))
-def test_it_is_an_effort_by_every_method(method):
+def test_a_preload_is_an_effort_by_every_method(method):
     """Twin: a run with the preload, and one with its effort held."""
     chain = pcs.load_chain('four_link_robot.yaml')
     preload = np.array([3.0, -2.0, 1.0, -0.5, 0.25])
@@ -45,7 +45,7 @@ def test_it_is_an_effort_by_every_method(method):
     assert abs(runs[0].position - pcs.rollout(chain, 0.2, method=method).position).max() > 1e-3
 
 
-def test_many_scenes_at_once_have_each_its_own():
+def test_each_scene_of_a_batch_has_its_own_preload():
     chains = [loaded(pcs.load_chain('double_pendulum.yaml'), np.array([k, -k])) for k in (0.0, 1.0, 2.0, 3.0)]
     batch = pcs.rollout_batch(chains[2], position=8 * [[0.1, 0.2]], duration=0.1, method='rk4')
     alone = pcs.Simulation(chains[2], 'rk4')
@@ -54,7 +54,7 @@ def test_many_scenes_at_once_have_each_its_own():
     np.testing.assert_array_equal(batch.position[3, -1], alone.position)
 
 
-def test_friction_and_a_stop_bear_it():
+def test_friction_and_a_stop_carry_a_preload():
     """Closed form: stuck below the friction, beyond it accelerated by the rest, at last on the stop."""
     stuck, slipping = (pcs.Simulation(one_joint('slide', friction=friction, preload=-19.62, lower=-0.1))
                        for friction in (20.0, 9.62))
@@ -65,7 +65,7 @@ def test_friction_and_a_stop_bear_it():
     assert slipping.position[0] == -0.1 and slipping.velocity[0] == 0.0
 
 
-def test_the_energy_balance_counts_it():
+def test_the_energy_balance_counts_a_preload():
     from planar_chain_sim.motion.energy_balance import EnergyBalance
     chain = loaded(pcs.load_chain('double_pendulum.yaml'), np.array([5.0, -3.0]))
     simulation = pcs.Simulation(chain, tolerance=1e-12)
@@ -77,7 +77,7 @@ def test_the_energy_balance_counts_it():
     assert abs(balance.error) < 1e-10 * balance.size
 
 
-def test_equations_print_it():
+def test_equations_print_a_preload():
     chain = loaded(pcs.load_chain('four_link_robot.yaml'), np.array([3.0, -2.0, 1.0, -0.5, 0.25]))
     position, velocity, effort = random_state(chain, 1)
     acceleration = pcs.forward_dynamics(chain, position, velocity, effort)

@@ -1,4 +1,4 @@
-"""What ends a run early: a state that runs away, a singular configuration."""
+"""Runs that end early: a state that diverges, a singular configuration."""
 from dataclasses import replace
 import warnings
 
@@ -83,7 +83,7 @@ def test_a_fixed_step_that_is_far_from_right_is_warned_of_once(method, step, cha
 
 
 @pytest.mark.parametrize('method, step', [('rk4', 1e-3), ('dop853_fixed', 1e-2), ('semi_implicit_euler', 1e-3)])
-def test_a_step_that_is_right_is_not_warned_of_and_a_check_costs_no_bit(method, step):
+def test_an_exact_step_has_no_warning_and_checks_change_no_bit(method, step):
     """Where the check falls, the bits are those of calls that begin there."""
     chain = pcs.load_chain('four_link_robot.yaml')
     simulation, again = pcs.Simulation(chain, method, step), pcs.Simulation(chain, method, step)
@@ -119,8 +119,8 @@ def test_steps_on_random_arms_are_right_or_warned_of():
     assert sum(run.told for run in runs) > 40 and sum(run.largest <= 1e-3 for run in runs) > 40
 
 
-def test_what_is_off_is_followed_without_a_trace():
-    """A batch has no warnings, and follows nothing: the same bits, the last iteration's start of gauss6 included."""
+def test_the_error_estimate_changes_no_bit():
+    """A batch has no warnings and no error estimate: the same bits, the starting values of gauss6 included."""
     chain, (position, velocity) = pcs.load_chain('four_link_robot.yaml'), np.zeros((2, 5))
     position = np.array([0.0, 0.3, -0.2, 0.1, 0.4])
     for method, step in (('gauss6', 0.01), ('rk4', 0.004)):

@@ -132,7 +132,7 @@ def test_a_record_that_is_no_three_arrays_is_refused_and_nothing_moves(record):
     assert simulation.tick == 0
 
 
-def test_what_is_taken_after_conversion_moves():
+def test_accepted_arguments_move_after_conversion():
     simulation, twin = (pcs.Simulation(uniform_rods(2, bend=0.3)) for _ in range(2))
     rows = [np.empty((10, 2)) for _ in range(3)]
     raw = np.frombuffer(b'x' + np.ones(2).tobytes(), dtype=np.uint8)[1:]

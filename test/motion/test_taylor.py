@@ -168,7 +168,7 @@ def test_auto_takes_the_method_for_stiff_joints_where_damping_is_stiff(damping, 
 
 
 @pytest.mark.parametrize('links', [1, 2, 3, 12])
-def test_terms_that_symmetry_takes_away_do_not_lengthen_a_step(links):
+def test_terms_that_vanish_by_symmetry_do_not_lengthen_a_step(links):
     """Straight, across and at rest only every fourth term is there; a little off it, the others are small."""
     for power in range(2, 17):
         for off in (0.0, 1e-6):

@@ -36,7 +36,7 @@ def read(simulation, name):
 
 @pytest.mark.parametrize('method', pcs.METHODS)
 @pytest.mark.parametrize('name', CHAINS)
-def test_who_reads_in_another_thread_changes_no_bit_and_sees_whole_calls(name, method):
+def test_a_reading_thread_changes_no_bit_and_sees_whole_calls(name, method):
     """Every property; each advance is one call, so that only its ends are ever seen."""
     chain, ticks = CHAINS[name], 15 if name == 'rubbing' else 150
     simulation, seen, going, calls = pcs.Simulation(chain, method), [], [True], 0

@@ -1,5 +1,5 @@
 """
-Anything at all given to the kernel's border: it answers, or refuses with an error, and never does worse.
+Random arguments for the kernel's border: each call returns a result or raises an error, and never does worse.
 
 `make fuzz` runs this with a kernel that watches its memory, `make races` with one that watches its threads. `--seed`
 repeats a run.
@@ -36,7 +36,7 @@ PATIENCE = 0.3   # s for one call
 
 
 class Late(Exception):
-    """Raised by the timer's signal, in the midst of a long call."""
+    """Raised by the timer's signal during a long call."""
 
 
 def raise_late(*_):
@@ -44,13 +44,13 @@ def raise_late(*_):
 
 
 class Junk:
-    """Draws of all that one can give to a function: some of it what is wanted, most of it beside that."""
+    """Random arguments of a function: some valid, most of them not."""
 
     def __init__(self, seed):
         self.random, self.wild = np.random.default_rng(seed), 0.0
 
     def calm_down(self):
-        """Draw how often the next draws are beside what is wanted: much of a call is only seen where most is right."""
+        """Choose how often the next arguments are invalid: much of a call only runs if most arguments are valid."""
         self.wild = self.one_of(0.0, 0.03, 0.2)
 
     def beside(self):

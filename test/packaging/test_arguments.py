@@ -57,7 +57,7 @@ def is_one_sentence(name, said):
 
 
 def odd_arguments(random, name):
-    """Return arguments of a door with something odd among them."""
+    """Return arguments of an executable with something odd among them."""
     flags = {'rollout': ['--output', '--duration', '--step', '--method', '--tolerance', '--position', '--velocity',
                          '--effort', '--compression'],
              'resimulate': [],
@@ -126,7 +126,7 @@ def test_odd_arguments_of_the_benchmark(folder, monkeypatch, capsys):
 
 
 def test_odd_arguments_of_replay():
-    """Options alone: what they lead to is tried with a node in test_replay."""
+    """Only the options are tested here; test_replay runs the node."""
     from planar_chain_sim.ros.replay import parse
     random, refused = Random(5), 0
     for _ in range(400):
@@ -149,7 +149,7 @@ def test_odd_arguments_of_replay():
     ('rollout', [ROBOT, '--output']), ('urdf', [ROBOT, '--output']), ('pictures', [ROBOT]), ('pictures', ['run.mcap']),
     ('equations', [ROBOT, '--picture']), ('equations', ['run.mcap', '--time', '0.01', '--picture'])])
 def test_an_output_that_exists_is_not_overwritten(name, arguments, folder, monkeypatch, capsys):
-    """Which may be the input, that is lost then."""
+    """The file may be the input, which would then be lost."""
     monkeypatch.chdir(folder)
     output = 'kept.png'
     Path(output).write_text('precious')
@@ -253,7 +253,7 @@ def different(folder):
 @pytest.mark.slow
 @pytest.mark.parametrize('unbuffered', ['', '1'])
 def test_a_reader_that_goes(folder, different, unbuffered, tmp_path):
-    """As in `... | head`: nothing is said, the log is whole, and a difference is one."""
+    """As in `... | head`: no message, a complete log, and exit code 1 for a difference."""
     def code_of(name, *arguments):
         module = f'planar_chain_sim.{MODULES[name]}'
         done = subprocess.run(['bash', '-c', 'exec 3>&1; { sleep 0.1; "$@" 3>&-; echo $? >&3; } | true', 'bash',
@@ -304,7 +304,7 @@ def test_letters_that_the_locale_has_not_are_printed_as_escapes(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize('closed', ['2>&-', '>&-', '>&- 2>&-', '<&- >&- 2>&-'])
 def test_standard_streams_that_are_closed_are_as_if_nobody_reads(closed, tmp_path):
-    """As some daemons start things; no file of ours gets the place of a stream."""
+    """As when a daemon starts a process with closed streams; none of our files gets the number of a stream."""
     log = tmp_path / 'run.mcap'
     for name, *arguments in (('rollout', ROBOT, '--duration', '0.1', '--output', log), ('resimulate', log),
                              *((name, '--help') for name in MODULES if closed.count('&-') == 3)):

@@ -47,7 +47,7 @@ def golden_layout():
 
 
 def check_equal(message, names, frame_id, stamp, position, velocity, effort):
-    """Compare a decoded message bit for bit with what went in."""
+    """Compare a decoded message bit for bit with the encoded values."""
     assert message.names == tuple(names)
     assert message.frame_id == frame_id
     assert message.stamp == stamp

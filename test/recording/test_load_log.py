@@ -1,4 +1,4 @@
-"""load_log: the arrays of a run, from every kind of log; LogError for what is none. OfflineLog, and other names."""
+"""load_log: the arrays of a run, from every kind of log, LogError for bad ones; OfflineLog; other public names."""
 from dataclasses import replace
 from importlib.util import find_spec
 import json

@@ -228,7 +228,7 @@ def test_a_backlog_too_long_ends_the_log(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize('seed', range(40))
 def test_a_log_that_was_cut_short_is_known_whenever_that_was(seed, tmp_path):
-    """Cut between two flushes or in the midst of one, and grown beyond its former length or not."""
+    """Cut between two flushes or during one, and longer than before or not."""
     draw = Random(seed)
     path = tmp_path / 'run.mcap'
     writer = LogWriter(path, CHANNELS, **EXTRAS, flush_period=600.0)

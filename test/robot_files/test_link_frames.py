@@ -148,7 +148,7 @@ def test_tf_messages_say_the_same():
     np.testing.assert_allclose([turn.x, turn.y, turn.z, turn.w], [np.sin(pi / 4), 0, 0, np.cos(pi / 4)], atol=1e-15)
 
 
-def test_urdf_tells_what_has_no_place_in_it(tmp_path):
+def test_urdf_reports_what_it_leaves_out(tmp_path):
     command = [sys.executable, '-m', 'planar_chain_sim.urdf_file']
     done = subprocess.run([*command, 'cart_arm_telescope.yaml'], capture_output=True, text=True, timeout=60)
     assert done.returncode == 0 and done.stderr == (

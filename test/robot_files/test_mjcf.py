@@ -164,7 +164,7 @@ KINDS = {'cartpole': CARTPOLE, 'reacher': REACHER, 'acrobot': ACROBOT, 'pendulum
 
 
 @pytest.mark.parametrize('kind', KINDS)
-def test_the_kinds_that_people_have_move_as_in_mujoco(kind):
+def test_common_models_move_as_in_mujoco(kind):
     text = KINDS[kind]
     chain, _ = read(text)
     model = model_of(re.sub('<include[^>]*>|material="self"', '', text))
@@ -341,12 +341,12 @@ def test_what_would_change_the_motion_is_refused_by_name(parts, sentence):
     ({'inner': '<geom type="mesh" mesh="m" mass="0" contype="0" conaffinity="0"/>'}, ''),
     ({'inner': '<site name="s"/><camera/><light/>', 'head': '<size memory="1M"/><visual/><statistic/><custom/>'}, ''),
 ], ids=str)
-def test_what_has_no_part_in_the_motion_is_listed(parts, unused):
+def test_unused_parts_are_listed(parts, unused):
     _, note = read(pendulum(**parts))
     assert unused in note.partition('not used: ')[2] if unused else 'not used' not in note
 
 
-def test_hold_makes_a_plane_of_what_has_one_joint_too_many():
+def test_hold_makes_a_robot_planar_that_has_one_joint_too_many():
     text = pendulum(inner='<joint name="odd" axis="1 0 0" armature="1"/>')
     chain, note = read(text, 'odd')
     assert chain.joint_names == ('hinge',) and "welded: 'odd' at 0" in note
@@ -363,8 +363,8 @@ def test_hold_makes_a_plane_of_what_has_one_joint_too_many():
 
 
 @pytest.mark.slow
-def test_what_is_said_never_to_touch_never_does():
-    """Property: where the reader lets contacts be, MuJoCo finds none in any configuration; and it refuses not all."""
+def test_geoms_accepted_as_apart_never_touch():
+    """Property: if the reader accepts the geoms, MuJoCo finds no contact in any configuration; some are refused."""
     accepted = 0
     for seed in range(200):
         text = RandomMjcf(seed, contacts=True).text
@@ -390,14 +390,14 @@ def test_what_is_said_never_to_touch_never_does():
     ('<COLLADA/>', 'is a COLLADA mesh'), ('<OpenSimDocument/>', 'is a model of OpenSim'),
     ('<mujocoinclude/>', 'is a part of an MJCF'), ('#usda 1.0\ndef Xform', 'is a USD scene'),
     ('#VRML_SIM R2023b utf8\nRobot {}', 'is a VRML scene'), ('<launch/>', 'is a launch file')])
-def test_other_formats_are_told_by_their_names(tmp_path, text, what):
+def test_other_formats_are_refused_by_name(tmp_path, text, what):
     assert what in refusal(text)
     (tmp_path / 'm.xml').write_text(text)
     with pytest.raises(pcs.ChainError, match=re.escape(what)):
         pcs.load_chain(tmp_path / 'm.xml')
 
 
-def test_a_log_is_told_as_one(tmp_path):
+def test_a_log_is_named_as_a_log(tmp_path):
     (tmp_path / 'run.mcap').write_bytes(b'\x89MCAP0\r\n' + bytes(range(256)))
     with pytest.raises(pcs.ChainError, match='is an MCAP log'):
         pcs.load_chain(tmp_path / 'run.mcap')

@@ -49,7 +49,7 @@ def test_slides_along_the_normal_have_no_part_in_the_plane():
     assert alone > 40 and stacked > 5
 
 
-def test_a_scara_is_told_of_and_recorded():
+def test_a_scara_is_reported_and_recorded():
     limit = '<limit lower="-1" upper="1" effort="50" velocity="1"/>'
     text = arm(kind='prismatic', in_e=limit, axis='0 0 1', second='0 0 1')
     chain, note, _ = load(text)
@@ -64,7 +64,7 @@ def test_a_scara_is_told_of_and_recorded():
 
 
 @pytest.mark.parametrize('angle', ['1.5708', '1.57', '1.567'])
-def test_angles_of_few_digits_are_taken_as_meant_and_told(angle):
+def test_angles_of_few_digits_are_corrected_and_reported(angle):
     """The motion is off by no more than the angle to the plane, here by its square: what moves is level."""
     text, off = arm(rpy=f'{angle} 0 0', second='0 0 -1'), pi / 2 - float(angle)
     chain, note, _ = load(text)
@@ -176,7 +176,7 @@ def test_what_is_dropped_is_listed(changes, said):
         assert 'not used' not in load(arm(more=f'<gazebo reference="a"><gravity>{usual}</gravity></gazebo>'))[1]
 
 
-def test_the_mass_of_the_root_and_a_missing_inertia_are_told():
+def test_the_mass_of_the_root_and_a_missing_inertia_are_reported():
     heavy = arm().replace('<link name="stand"/>',
                           '<link name="stand"><inertial><mass value="9"/><inertia/></inertial></link>')
     assert "not used: the mass of the root link 'stand', which is the base" in load(heavy)[1]
@@ -249,7 +249,7 @@ def welded(text: str, joint: str) -> str:
     return head + f'<joint name="{joint}" type="fixed"' + tail.split('"', 2)[2]
 
 
-def test_a_joint_that_leaves_the_plane_of_the_others_is_named_and_can_be_held():
+def test_a_joint_that_leaves_the_plane_of_the_others_is_named_and_can_be_welded():
     assert ("joint 's' turns about another direction than 'e', 'w': the robot is not planar, must be welded there to "
             "make it so (hold 's')") in refusal(YAWING)
     chain, note, _ = load(YAWING, ['s'])
@@ -261,7 +261,7 @@ def test_a_joint_that_leaves_the_plane_of_the_others_is_named_and_can_be_held():
     assert chain_from_text(chain.source) == chain and load(YAWING, 's=0.7')[0] == turned
 
 
-def test_held_joints_of_random_robots():
+def test_welded_joints_of_random_robots():
     """Oracle: any joint fixed in the text where it reads 0, and Pinocchio's reduced model at any other value."""
     for seed in range(60):
         text = random_robot(seed, lengthwise=0.3 if seed % 2 else 0.0)
@@ -286,7 +286,7 @@ def test_held_joints_of_random_robots():
     ('<mimic joint="s" multiplier="-0.5" offset="0.1"/>',
      '<ros2_control><joint name="e" mimic="true"/></ros2_control>'),
 ])
-def test_what_mimics_a_held_joint_is_held_with_it(in_e, plugin):
+def test_joints_that_mimic_a_welded_joint_are_welded_too(in_e, plugin):
     third = ('<link name="c"><inertial><mass value="1"/>' + POINT.format(0.1) + '</link><joint name="w" '
              'type="continuous"><parent link="b"/><child link="c"/><axis xyz="0 1 0"/></joint>')
     mimicking = arm(in_e=in_e, more=plugin + third)
@@ -309,17 +309,17 @@ def test_what_mimics_a_held_joint_is_held_with_it(in_e, plugin):
     (3, 'hold is 3, must be a joint, a list of joints or a mapping'),
     (['s', 'e', 'w'], 'has no joint that moves'),
 ])
-def test_what_cannot_be_held(hold, said):
+def test_joints_that_cannot_be_welded(hold, said):
     assert said in refusal(YAWING, hold)
 
 
-def test_a_joint_with_one_stop_is_held_on_its_side_of_it():
+def test_a_joint_with_one_stop_is_welded_within_it():
     text = arm(kind='revolute', in_e='<limit lower="-1" upper="1e9" effort="1" velocity="1"/>')
     assert load(text, {'e': 50.0})[0].joint_names == ('s',)
     assert "hold gives -2.0 to joint 'e', must lie between its limits, -1.0 and inf" in refusal(text, {'e': -2.0})
 
 
-def test_what_moves_no_mass_is_named_all_at_once():
+def test_joints_that_move_no_mass_are_named_together():
     tips = ''.join(f'<link name="c{k}"/><joint name="f{k}" type="prismatic"><parent link="b"/><child link="c{k}"/>'
                    '<axis xyz="0 0 1"/></joint>' for k in (1, 2))
     assert ("joints 'f1', 'f2' move no mass, as links 'c1', 'c2' and what they carry have none, must move some or be "
@@ -355,7 +355,7 @@ def test_gantries():
 
 
 @pytest.mark.parametrize('hold', ['s=90deg', ['s=pi/2', 's=90 deg'][:1], {'s': '90 deg'}, ['s=0.5*pi', 's=0.5*pi']])
-def test_angles_as_text_are_held(hold):
+def test_joints_are_welded_at_angles_as_text(hold):
     """As for --position: at a joint that turns, in every way to say what is welded."""
     assert load(YAWING, hold) == load(YAWING, {'s': pi / 2})
     chain = pcs.load_chain('four_link_robot.yaml', hold={'forearm_joint': '-30 deg'})
@@ -376,12 +376,12 @@ def test_an_axis_of_any_length_is_a_direction():
 
 
 @pytest.mark.parametrize('effort', ['-10', 'nan'])
-def test_an_effort_limit_that_is_none_is_told_as_it_stands(effort):
+def test_an_effort_limit_that_means_none_is_reported_as_written(effort):
     told = load(arm(in_e=f'<limit effort="{effort}"/>'))[2]
     assert told == [f"r.urdf: effort limit {effort} at 'e', taken as no limit"]
 
 
-def test_a_joint_that_makes_the_mass_matrix_singular_is_told_in_words_of_the_robot():
+def test_a_singular_joint_is_reported_in_terms_of_the_robot():
     """Two joints about one axis, with nothing between."""
     text = arm(more='<link name="c"><inertial><mass value="1"/>' + POINT.format(0.1) + '</link><link name="m"/>'
                     '<joint name="f" type="continuous"><parent link="b"/><child link="m"/><axis xyz="0 1 0"/></joint>'
@@ -391,7 +391,7 @@ def test_a_joint_that_makes_the_mass_matrix_singular_is_told_in_words_of_the_rob
     assert 'bodies[' not in sentence and 'armature' not in sentence and 'body' not in sentence
 
 
-def test_floating_bases_are_held_where_they_are():
+def test_floating_bases_are_welded_where_they_are():
     text = arm(more='<link name="w"/><joint name="root" type="floating"><parent link="w"/><child link="stand"/>'
                     '</joint>')
     assert "joint 'root' is of type 'floating'" in refusal(text)
@@ -399,7 +399,7 @@ def test_floating_bases_are_held_where_they_are():
     assert "of type 'floating', must be welded without a value" in refusal(text, {'root': 1.0})
 
 
-def test_joints_of_a_yaml_chain_are_held():
+def test_joints_of_a_yaml_chain_are_welded():
     """A slide and a rotation, in a file, by a call and by a key; twin: the joint led there and stopped dead."""
     chain = pcs.load_chain('four_link_robot.yaml')
     held = pcs.load_chain('four_link_robot.yaml', hold={'column_slide': 0.3, 'forearm_joint': -0.4})
@@ -424,7 +424,7 @@ def test_joints_of_a_yaml_chain_are_held():
 
 
 @pytest.mark.filterwarnings('always')
-def test_executables_tell_of_the_file_and_hold_joints(tmp_path, capsys):
+def test_executables_report_the_file_and_weld_joints(tmp_path, capsys):
     from planar_chain_sim.recording import resimulation, rollout
     from planar_chain_sim.symbolic import command_line as equations
     robot, log = tmp_path / 'robot.urdf', tmp_path / 'run.mcap'

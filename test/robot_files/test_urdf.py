@@ -94,7 +94,7 @@ def test_joints_are_of_the_kind_that_their_laws_make():
     assert links == ['world', 'base_link', 'cart', 'arm', 'motor', 'telescope', 'gripper_carriage', 'gripper']
 
 
-def test_names_that_xml_or_urdf_cannot_have_twice_are_told_apart():
+def test_names_that_xml_or_urdf_cannot_have_twice_are_distinguished():
     chain = pcs.chain_from_dict({'bodies': [
         {'name': name, 'carrier': 'base', 'mass': 1, 'inertia': 1, 'rotation': {'joint': f'<"{name}&'}}
         for name in ('world', 'base_link', 'base_link_')]})

@@ -81,8 +81,8 @@ def test_other_libraries_move_it_alike(chains, library):
                                    err_msg=chain.name)
 
 
-def test_a_carriage_of_a_point_mass_takes_next_to_nothing():
-    """A body without inertia of its own has none to give: what its carriage gets no other number notices."""
+def test_a_carriage_of_a_point_mass_has_almost_no_mass():
+    """A point mass has no inertia to share: its carriage gets so little that no other number changes."""
     chain = pcs.chain_from_dict({'bodies': [
         {'name': 'a', 'carrier': 'base', 'mass': 1e-3, 'center_of_mass': [0.5, 0.0], 'inertia_com': 0.0,
          'slide': {'joint': 's', 'axis': 0.3}, 'rotation': {'joint': 'r'}}]})

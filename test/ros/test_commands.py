@@ -249,7 +249,7 @@ def test_lockstep_takes_the_first_answer_to_the_waiting_state():
 
 
 def test_an_answer_from_before_a_reset_is_none_to_the_state_after_it():
-    """Both states have the same stamp; an answer that was sent in time to the first acts no more."""
+    """Both states have the same stamp; an answer that was sent in time for the first one no longer acts."""
     answers = Answers((0,))
     answers.await_for(stamp=7, published=100, since=0)
     assert parts(answers.admit(Command((0,), (1.0,), stamp=7), 99)) == ([0], [1.0]), 'by its stamp alone'

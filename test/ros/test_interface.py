@@ -161,7 +161,7 @@ def values(status):
     return {pair.key: pair.value for pair in status.values}
 
 
-def test_diagnostics_tell_of_time_commands_energy_and_log(everything):
+def test_diagnostics_have_time_commands_energy_and_log(everything):
     messages = everything.listen(DiagnosticArray, '/diagnostics')
     for command in ([1.0], [float('nan')] * 5, [1.0, 2.0]):
         everything.commands.publish(Float64MultiArray(data=command))

@@ -287,7 +287,7 @@ def once(data, seconds=0.1):
         time.sleep(seconds)
 
 
-def test_efforts_sent_once_by_hand_last_where_they_are_held():
+def test_efforts_sent_once_by_hand_last_with_hold():
     with simulator('__ns:=/once') as process, Peer(namespace='/once') as peer:   # the module's own peer sends elsewhere
         peer.meet()
         peer.node.destroy_publisher(peer.commands)   # no publisher but the one that comes and goes

@@ -504,7 +504,7 @@ def test_a_parameter_file_for_another_node_is_told_and_no_other(context, heading
         assert f"use the heading '{name}:' or '/**:'" in told[0]
 
 
-def test_the_node_itself_tells_of_a_file_for_another(tmp_path):
+def test_the_node_warns_of_a_parameter_file_for_another_node(tmp_path):
     text = 'simulator:\n  ros__parameters:\n    rate: 500.0\n'
     with Process('planar_chain_sim.ros.node', '--ros-args', *files(tmp_path, text), '-r', '__ns:=/arm', '-p',
                  'sim:rate:=5.0') as process:

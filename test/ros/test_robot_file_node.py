@@ -43,7 +43,7 @@ def test_held_joints(way, robot, tmp_path):
     assert code == 0, output
 
 
-def test_the_robot_as_it_was_given_is_published_where_nothing_is_held(robot):
+def test_the_given_robot_is_published_if_nothing_is_welded(robot):
     text = robot.read_text().replace('<axis xyz="0 0 1"/>', '<axis xyz="0 1 0"/>')
     robot.write_text(text)
     with simulator(chain_file=robot) as process, Peer() as peer:
