@@ -4,10 +4,15 @@ Push a body of a running simulator for some seconds with a force along its own a
     python examples/push.py forearm 5 0 --seconds 1
 """
 from argparse import ArgumentParser
-from time import sleep
+from contextlib import suppress
+import json
+from math import inf, isfinite
+from time import monotonic
 
 from geometry_msgs.msg import WrenchStamped
 import rclpy
+from rclpy.signals import SignalHandlerOptions
+from std_msgs.msg import String
 
 
 def main():
@@ -16,25 +21,38 @@ def main():
     parser.add_argument('force', nargs=2, type=float, help='N, along the x and y axes of the body')
     parser.add_argument('--seconds', type=float, default=1.0)
     options = parser.parse_args()
+    if not (all(map(isfinite, options.force)) and 0.0 <= options.seconds < inf):
+        parser.error('the force must be finite, and seconds too and not negative')
 
-    rclpy.init()
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)      # Ctrl-C is Python's KeyboardInterrupt
     node = rclpy.create_node('push')
     publisher = node.create_publisher(WrenchStamped, 'simulator/wrench', 10)
-    while not publisher.get_subscription_count():       # until the simulator is found
-        sleep(0.05)
+    events = []
+    node.create_subscription(String, 'simulator/events', lambda message: events.append(json.loads(message.data)), 10)
+    print('waiting for the simulator ...', flush=True)
+    while not (publisher.get_subscription_count() and node.count_publishers('simulator/events')):
+        rclpy.spin_once(node, timeout_sec=0.05)
     wrench = WrenchStamped()
     wrench.header.frame_id = options.body
     wrench.wrench.force.x, wrench.wrench.force.y = options.force
     publisher.publish(wrench)
-    print(f'pushing {options.body} with {options.force} N')
-    sleep(options.seconds)
-    wrench.wrench.force.x = wrench.wrench.force.y = 0.0       # a wrench acts until the next one
-    publisher.publish(wrench)
-    publisher.wait_for_all_acked(rclpy.duration.Duration(seconds=2))
+    print(f'pushing {options.body} with {options.force} N', flush=True)
+    end = monotonic() + options.seconds
+    try:
+        while monotonic() < end:
+            rclpy.spin_once(node, timeout_sec=max(0.0, end - monotonic()))
+            for event in events:
+                if event['kind'] == 'rejected' and event['data']['topic'].endswith('simulator/wrench'):
+                    parser.error(f"the simulator refuses the push: {event['data']['reason']}")
+    finally:                                                # after Ctrl-C too: a wrench acts until the next one
+        wrench.wrench.force.x = wrench.wrench.force.y = 0.0
+        publisher.publish(wrench)
+        publisher.wait_for_all_acked(rclpy.duration.Duration(seconds=2))
     print('let go')
     node.destroy_node()
     rclpy.shutdown()
 
 
 if __name__ == '__main__':
-    main()
+    with suppress(KeyboardInterrupt):
+        main()

@@ -1,8 +1,13 @@
 """The examples do what they say; those with ROS are run by the test of the documents."""
+import os
 from pathlib import Path
+import subprocess
+import sys
 
 import numpy as np
 import pytest
+
+import planar_chain_sim as pcs
 
 FOLDER = Path(__file__).resolve().parents[2] / 'examples'
 
@@ -45,6 +50,27 @@ def test_a_log_is_read(tmp_path, monkeypatch, capsys):
     assert rollout.main(['four_link_robot.yaml', '--duration', '2', '--output', 'swing.mcap']) == 0
     example('read_log').main('swing.mcap')
     assert 'column_joint' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize('content', [None, b'', b'hello', bytes(range(256))])
+def test_what_is_no_log_is_told_in_a_sentence(tmp_path, content):
+    log = tmp_path / 'other.mcap'
+    if content is not None:
+        log.write_bytes(content)
+    ended = subprocess.run([sys.executable, FOLDER / 'read_log.py', log], capture_output=True, text=True,
+                           env={**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)})
+    assert ended.returncode == 2 and not ended.stdout and 'Traceback' not in ended.stderr, ended.stderr
+    assert f"read_log.py: error: log '{log}': it " in ended.stderr
+
+
+def test_logs_of_one_state_and_of_none(tmp_path, capsys):
+    log = tmp_path / 'run.mcap'
+    simulation = pcs.Simulation(pcs.load_chain('double_pendulum.yaml'))
+    with pcs.OfflineLog(log, simulation):   # nothing is in the file before it is flushed
+        with pytest.warns(RuntimeWarning, match='not closed'), pytest.raises(pcs.LogError, match='holds no states'):
+            example('read_log').main(str(log))
+    assert example('read_log').main(str(log))[0] == pytest.approx(sum(pcs.energy(
+        simulation.chain, simulation.position, simulation.velocity)))
 
 
 def test_every_example_is_in_this_test_or_in_a_document():
