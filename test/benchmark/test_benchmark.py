@@ -1,8 +1,11 @@
 """The benchmark executable with tiny settings, its named problems and its arithmetic; no time is judged."""
 import csv
 from dataclasses import replace
+import os
+from pathlib import Path
 from random import Random
 import re
+import shlex
 
 import numpy as np
 from oracles.random_trees import random_tree
@@ -32,7 +35,10 @@ def folder(tmp_path_factory):
     """Return a folder that `benchmark all` has made, with no peer."""
     pytest.importorskip('matplotlib')
     made = tmp_path_factory.mktemp('all') / 'new'
-    assert main(['all', '--quick', '--peers', 'none', '--folder', str(made)]) == 0
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv('COMPILER', os.environ.get('CXX', 'c++'))
+        patch.setenv('CXX', shlex.join(['sh', str(Path(__file__).with_name('unoptimised.sh'))]))
+        assert main(['all', '--quick', '--peers', 'none', '--folder', str(made)]) == 0
     return made
 
 
