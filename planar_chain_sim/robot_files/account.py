@@ -19,7 +19,7 @@ def account(robot: SpatialRobot, chain, plane: Plane) -> list:
     if plane.largest_angle > EXACT:
         parts.append(f'axes projected on the plane, from which they differ by up to {plane.largest_angle:.2g} rad')
     if plane.across:
-        sliding = [joint.name for joint in robot.joints if joint.name in plane.across]
+        sliding = [name for name in chain.joint_names if name in plane.across]
         parts.append(f'along its normal, on their own, slide {quoted(sliding)}')
     welded = [f"'{clipped(each.name)}' at {each.welded_at:g}" for each in robot.joints if each.welded_at is not None]
     if welded:

@@ -18,7 +18,7 @@ from planar_chain_sim.ros.process import run_until_stopped
 
 NODE = 'planar_chain_sim.ros.node'
 STOPS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-TRIALS = int(os.environ.get('SOAK', 3))  # `make soak` wants more
+TRIALS = int(os.environ.get('SOAK', 2))  # `make soak` wants more
 
 
 def catches(process, number):
