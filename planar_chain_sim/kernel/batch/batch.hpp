@@ -96,7 +96,7 @@ class ScenesAlone {
   void finish(std::int64_t i, std::int64_t tick) {
     const Scene& scene = batch_.scene(i);
     if (chain_ != scene.chain) alone_ = batch_.single_run(batch_.kind(i)), chain_ = scene.chain;
-    alone_.integrator->look_out(lookout_.get());
+    alone_.integrator->set_lookout(lookout_.get());
     alone_.integrator->asked = false;  // a batch has no warnings
     alone_.integrator->forget();
     const bool all = batch_.effort_taken != nullptr;

@@ -39,7 +39,7 @@ class EventSearch {
     least_width_ = 1e-14 * b;
     const int at_a = take(), at_b = take();
     if (!evaluate(a, sample(at_a)) || !evaluate(b, sample(at_b))) return Found::failed;
-    return look(evaluate, a, at_a, b, at_b, none, most_depth);
+    return find_within(evaluate, a, at_a, b, at_b, none, most_depth);
   }
 
   // Between low, where function `which` is not negative, and high, where it is: moves both towards each other until
@@ -79,7 +79,7 @@ class EventSearch {
   int take() { return used_++; }
 
   template <class Evaluate>
-  Found look(Evaluate& evaluate, double a, int at_a, double b, int at_b, int at_middle, int depth) {
+  Found find_within(Evaluate& evaluate, double a, int at_a, double b, int at_b, int at_middle, int depth) {
     const int used = used_;
     const double middle = a + 0.5 * (b - a);
     if (at_middle == none) {
@@ -106,8 +106,8 @@ class EventSearch {
       if (course == Course::falls && f_b[w] < 0.0) fall.push_back(w);
     }
     if (clear) return used_ = used, fall.empty() ? Found::nothing : keep(a, at_a, b, at_b);
-    Found found = look(evaluate, a, at_a, middle, at_middle, at_first, depth - 1);
-    if (found == Found::nothing) found = look(evaluate, middle, at_middle, b, at_b, at_last, depth - 1);
+    Found found = find_within(evaluate, a, at_a, middle, at_middle, at_first, depth - 1);
+    if (found == Found::nothing) found = find_within(evaluate, middle, at_middle, b, at_b, at_last, depth - 1);
     used_ = used;
     return found;
   }

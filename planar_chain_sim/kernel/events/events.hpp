@@ -73,17 +73,17 @@ class EventDriven final : public Integrator {
     return progress;
   }
 
-  bool reach(double now, std::int64_t tick, double time, JointState& state, const double* actuator,
-             Progress& progress) override {
+  bool advance_to(double now, std::int64_t tick, double time, JointState& state, const double* actuator,
+                  Progress& progress) override {
     if (!method_.adaptive) return false;
     const double start = static_cast<double>(tick) * step_;
     go(tick, now - start, time - start, state, actuator, progress);
     return true;
   }
 
-  void look_out(Lookout* lookout) override {
+  void set_lookout(Lookout* lookout) override {
     lookout_ = lookout;
-    if (watched_.motion()) watched_.motion()->look_out(lookout);
+    if (watched_.motion()) watched_.motion()->set_lookout(lookout);
   }
 
   void forget() override { under_way_ = changed_ = false; }
@@ -206,7 +206,7 @@ class EventDriven final : public Integrator {
       Motion* const motion = watched_.motion();
       if (motion == nullptr) return true;  // everything stands, under efforts that do not change
       part_.gather(state, watched_.moved);
-      if (!watched_.look(tick, at, to, passed, progress)) return failed(progress);
+      if (!watched_.ensure_step(tick, at, to, passed, progress)) return failed(progress);
       const double wanted = motion->into_step(to);
       passed = wanted > watched_.length();
       const double asked = passed ? watched_.length() : wanted;

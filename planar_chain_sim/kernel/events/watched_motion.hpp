@@ -75,22 +75,22 @@ class WatchedMotion {
     values_.resize(watches.size());
     if (motion_) motion_->forget();
     else motion_ = make_motion(method_, part_.chain(), part_.form(), part_.forces(), step_, part_.dense());
-    motion_->look_out(lookout);
+    motion_->set_lookout(lookout);
   }
 
   // A step from `moved`. A fixed step may fail where an event would end it soon, as with strong friction; then a part
   // of it is taken.
-  bool look(std::int64_t tick, double at, double to, bool passed, Progress& progress) {
-    length_ = motion_->look(tick, at, to, moved, part_.effort.data(), passed, progress);
+  bool ensure_step(std::int64_t tick, double at, double to, bool passed, Progress& progress) {
+    length_ = motion_->ensure_step(tick, at, to, moved, part_.effort.data(), passed, progress);
     if (method_.adaptive || watches.empty() || progress.outcome == Outcome::interrupted)
       return progress.outcome == Outcome::good;
-    if (progress.outcome == Outcome::good && show(length_, later_, progress)) return true;
+    if (progress.outcome == Outcome::good && state_at(length_, later_, progress)) return true;
     const Progress first = progress;
     for (double part = 0.0625; part > 1e-10; part *= 0.0625) {
       progress.outcome = Outcome::good;
-      length_ = motion_->look(tick, at, at + part * (to - at), moved, part_.effort.data(), passed, progress);
+      length_ = motion_->ensure_step(tick, at, at + part * (to - at), moved, part_.effort.data(), passed, progress);
       if (progress.outcome == Outcome::interrupted) return false;
-      if (progress.outcome == Outcome::good && show(length_, later_, progress)) return true;
+      if (progress.outcome == Outcome::good && state_at(length_, later_, progress)) return true;
     }
     progress.outcome = first.outcome, progress.joint = first.joint;
     return false;
@@ -102,7 +102,7 @@ class WatchedMotion {
     if (number_ != motion_->number || !motion_->spans(tick, from, step_, into)) return false;
     if ((!watches.empty() && searched_ < into) || (!violated.empty() && event_at_ <= into)) return false;
     Progress progress;
-    if (!show(into, located, progress)) return false;
+    if (!state_at(into, located, progress)) return false;
     return shown_ = none, true;
   }
 
@@ -110,7 +110,7 @@ class WatchedMotion {
   // Then `located` is there.
   Found find(double& into, Progress& progress) {
     Found found = watches.empty() ? Found::nothing : watch(into, progress);
-    if (found != Found::failed && shown_ != into && !show(into, located, progress)) found = Found::failed;
+    if (found != Found::failed && shown_ != into && !state_at(into, located, progress)) found = Found::failed;
     shown_ = none;
     return found;
   }
@@ -150,7 +150,7 @@ class WatchedMotion {
   // Prepares the search of a step: the margin of lambda for rounding, and the two ends to interpolate between.
   bool prepare_search(Progress& progress) {
     if (!motion_->reads_densely() || holds_) {
-      if (!show(0.0, located, progress) || !effort_.accelerate(located, progress)) return false;
+      if (!state_at(0.0, located, progress) || !effort_.accelerate(located, progress)) return false;
       if (holds_) {
         part_.scatter(located, effort_.full);
         if (!holding_.factorise(effort_.full, effort_.held.data(), progress)) return false;
@@ -159,7 +159,7 @@ class WatchedMotion {
       }
       if (motion_->reads_densely()) return true;
       between_.begin(located, part_.acceleration);
-      if (!show(length_, later_, progress) || !effort_.accelerate(later_, progress)) return false;
+      if (!state_at(length_, later_, progress) || !effort_.accelerate(later_, progress)) return false;
       between_.end(later_, part_.acceleration, length_);
     }
     return true;
@@ -167,7 +167,7 @@ class WatchedMotion {
 
   // later_ <- the state `time` s into the step: by dense output, or else interpolated between its ends.
   bool read(double time, Progress& progress) {
-    if (motion_->reads_densely()) return show(time, later_, progress);
+    if (motion_->reads_densely()) return state_at(time, later_, progress);
     between_.read(time, later_);
     return true;
   }
@@ -271,7 +271,7 @@ class WatchedMotion {
 
   // A step of `time` s to `located`, and the watches there.
   bool take_step(double time, Progress& progress) {
-    return show(time, located, progress) && find_values_at(located, values_.data(), progress);
+    return state_at(time, located, progress) && find_values_at(located, values_.data(), progress);
   }
 
   Found settle_on(double time) {
@@ -283,8 +283,8 @@ class WatchedMotion {
     return Found::crossing;
   }
 
-  bool show(double into, JointState& out, Progress& progress) {
-    progress.outcome = motion_->show(into, out, progress.joint);
+  bool state_at(double into, JointState& out, Progress& progress) {
+    progress.outcome = motion_->state_at(into, out, progress.joint);
     if (progress.outcome != Outcome::good) return false;
     if ((progress.joint = first_not_finite(out)) < 0) return true;
     progress.outcome = Outcome::not_finite;

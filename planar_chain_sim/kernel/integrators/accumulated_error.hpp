@@ -69,7 +69,7 @@ class AccumulatedError {
   //   walk(state, actuator, length, next)    a step of another length; false if it fails
   // Returns whether there is a new estimate.
   template <class Method>
-  bool look(const JointState& state, const JointState& next, Method& method) {
+  bool check(const JointState& state, const JointState& next, Method& method) {
     add_effort();
     left_ -= static_cast<double>(wait_);
     if (left_ <= 0.0) return stop(), false;

@@ -47,8 +47,8 @@ class AdaptiveStep : public Motion {
     return progress;
   }
 
-  bool reach(double now, std::int64_t tick, double time, JointState& state, const double* actuator,
-             Progress& progress) override {
+  bool advance_to(double now, std::int64_t tick, double time, JointState& state, const double* actuator,
+                  Progress& progress) override {
     prepare(now, tick, state, actuator);
     const double wanted = since_origin_at(time);
     while (progress.outcome == Outcome::good && (steps_.length == 0.0 || !covers(wanted)))
@@ -61,8 +61,8 @@ class AdaptiveStep : public Motion {
     return true;
   }
 
-  double look(std::int64_t tick, double offset, double /*limit*/, const JointState& state, const double* actuator,
-              bool passed, Progress& progress) override {
+  double ensure_step(std::int64_t tick, double offset, double /*limit*/, const JointState& state,
+                     const double* actuator, bool passed, Progress& progress) override {
     prepare(static_cast<double>(tick) * tick_length_ + offset, tick, state, actuator);
     if (steps_.length == 0.0) steps_.origin_offset = offset;  // exactly, and not as the sum has rounded it
     shown_from_ = since_origin(tick);
@@ -78,7 +78,7 @@ class AdaptiveStep : public Motion {
   double into_step(double offset) const override { return ((shown_from_ + offset) - steps_.from) - steps_.from_low; }
   double behind_tick(double into) const override { return (steps_.from + into) - shown_from_; }
 
-  Outcome show(double into, JointState& out, int&) override {
+  Outcome state_at(double into, JointState& out, int&) override {
     read_from_rest(into, steps_.base, out);
     return Outcome::good;
   }

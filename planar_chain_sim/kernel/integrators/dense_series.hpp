@@ -100,13 +100,13 @@ class DenseSeries {
     Column h[Angles], g[most_slides];  // H, column by column: of angles, of slides
     Column arm_x[Angles], arm_y[Angles], slide_arm_x[most_slides], slide_arm_y[most_slides];
     for (int b = 0; b < Angles; ++b) {
-      reach(coupling_x[b], coupling_y[b], arm_x[b], arm_y[b]);
+      add_effect(coupling_x[b], coupling_y[b], arm_x[b], arm_y[b]);
       if constexpr (Slides) PLANAR_CHAIN_SLIDES(w)
-      reach(w, slide_coupling_x[w].of[b], -slide_coupling_y[w].of[b], arm_x[b], arm_y[b]);  // B = B*
+      add_effect(w, slide_coupling_x[w].of[b], -slide_coupling_y[w].of[b], arm_x[b], arm_y[b]);  // B = B*
     }
     if constexpr (Slides) PLANAR_CHAIN_SLIDES(v) {
-        reach(slide_coupling_x[v], slide_coupling_y[v], slide_arm_x[v], slide_arm_y[v]);
-        PLANAR_CHAIN_SLIDES(w) reach(w, between_x[w][v], between_y[w][v], slide_arm_x[v], slide_arm_y[v]);
+        add_effect(slide_coupling_x[v], slide_coupling_y[v], slide_arm_x[v], slide_arm_y[v]);
+        PLANAR_CHAIN_SLIDES(w) add_effect(w, between_x[w][v], between_y[w][v], slide_arm_x[v], slide_arm_y[v]);
       }
     for (int j = 0; j < Angles; ++j) {
       for (int p = 0; p < parts; ++p) h[j].lane[p] = inertia[j](p);
@@ -246,7 +246,7 @@ class DenseSeries {
   }
 
   // Effect of z at a vector with column B on the angles: arm . z = (j E_i) . (B_i z).
-  PLANAR_CHAIN_INLINE void reach(const Row& re, const Row& im, Column& x, Column& y) const {
+  PLANAR_CHAIN_INLINE void add_effect(const Row& re, const Row& im, Column& x, Column& y) const {
     for (int p = 0; p < parts; ++p) {
       x.lane[p] = unit_x[0](p) * im(p) - unit_y[0](p) * re(p);
       y.lane[p] = unit_x[0](p) * re(p) + unit_y[0](p) * im(p);
@@ -254,7 +254,7 @@ class DenseSeries {
   }
 
   // Effect on slide w, E . (B_w z), and on its carrier, (j Y_w) . (B_w z).
-  PLANAR_CHAIN_INLINE void reach(int w, double re, double im, Column& x, Column& y) const {
+  PLANAR_CHAIN_INLINE void add_effect(int w, double re, double im, Column& x, Column& y) const {
     const SlideSeries& s = slide[w];
     x.slide[w] = s.unit_x[0] * re + s.unit_y[0] * im, y.slide[w] = s.unit_y[0] * re - s.unit_x[0] * im;
     for (int j = 0; j < Angles; ++j)

@@ -58,8 +58,8 @@ class FixedStep : public Motion {
   void forget() override { accumulated_.restart(); }
   void forces_changed() override {}
 
-  double look(std::int64_t tick, double offset, double limit, const JointState& state, const double* actuator,
-              bool /*passed*/, Progress& progress) override {
+  double ensure_step(std::int64_t tick, double offset, double limit, const JointState& state, const double* actuator,
+                     bool /*passed*/, Progress& progress) override {
     if (stopped(work())) return progress.outcome = Outcome::interrupted, 0.0;
     from_ = state, offset_ = offset, ahead_ = limit - offset;
     actuator_.assign(actuator, actuator + actuator_.size());
@@ -76,7 +76,7 @@ class FixedStep : public Motion {
   double into_step(double offset) const override { return offset - offset_; }
   double behind_tick(double into) const override { return offset_ + into; }
 
-  Outcome show(double into, JointState& out, int& joint) override {
+  Outcome state_at(double into, JointState& out, int& joint) override {
     if (into == ahead_) return out = next_, joint = joint_ahead_, outcome_ahead_;
     if (into == 0.0) return out = from_, Outcome::good;
     ++counts.rejected_steps;  // one of these takes the place of the whole step
@@ -97,8 +97,8 @@ class FixedStep : public Motion {
   virtual const double* first_acceleration() const { return nullptr; }
 
   // What a step leaves for the next one; steps that only check must not change it.
-  virtual int known() const { return 0; }
-  virtual void know(int) {}
+  virtual int kept_stages() const { return 0; }
+  virtual void keep_stages(int) {}
 
   const JointForces& forces_;
   const double tick_length_;
@@ -119,10 +119,10 @@ class FixedStep : public Motion {
 
     bool walk(const JointState& from, const double* actuator, double length, JointState& to) {
       const Counts kept = run.counts;
-      const int known = run.known();
+      const int kept_stages = run.kept_stages();
       int joint = -1;
       const bool good = run.step(from, actuator, length, to, joint) == Outcome::good;
-      run.counts = kept, run.know(known);
+      run.counts = kept, run.keep_stages(kept_stages);
       return good;
     }
   };
@@ -137,7 +137,7 @@ class FixedStep : public Motion {
     }
     Followed followed{*this, first};
     int joint = -1;
-    if (!accumulated_.look(state, next, followed)) return;
+    if (!accumulated_.check(state, next, followed)) return;
     const double error = accumulated_.largest(joint);
     if (error > AccumulatedError::most) coarse = {tick, error, joint, true}, accumulated_.stop();
   }

@@ -87,8 +87,8 @@ class Gauss final : public FixedStep {
                                        state.velocity.data(), actuator, acceleration);
   }
 
-  int known() const override { return known_; }
-  void know(int steps) override { known_ = steps; }
+  int kept_stages() const override { return known_; }
+  void keep_stages(int steps) override { known_ = steps; }
 
  private:
   double* row(std::vector<double>& rows, int stage) { return &rows[static_cast<std::size_t>(stage) * joints_]; }

@@ -54,8 +54,8 @@ class Integrator {
 
   virtual ~Integrator() = default;
 
-  // Set the lookout by which advance() and reach() can be interrupted; null: they cannot.
-  virtual void look_out(Lookout* lookout) { lookout_ = lookout; }
+  // Set the lookout by which advance() and advance_to() can be interrupted; null: they cannot.
+  virtual void set_lookout(Lookout* lookout) { lookout_ = lookout; }
 
   // Moves `state` to tick + ticks under the clamped actuator effort. It is at `now` s: at tick `tick` or between that
   // and the next. Stops before a tick that fails, at the last good state. Calls may be cut anywhere: the bits are the
@@ -64,8 +64,8 @@ class Integrator {
                            const double* actuator) = 0;
 
   // Moves `state` on to `time`, which may lie between ticks; false if the method cannot.
-  virtual bool reach(double /*now*/, std::int64_t /*tick*/, double /*time*/, JointState&, const double* /*actuator*/,
-                     Progress&) {
+  virtual bool advance_to(double /*now*/, std::int64_t /*tick*/, double /*time*/, JointState&,
+                          const double* /*actuator*/, Progress&) {
     return false;
   }
 
@@ -99,23 +99,23 @@ class Motion : public Integrator {
  public:
   // Ensures that there is a step from `offset` s behind `tick`, where `state` is: the one under way, or the next one if
   // that has been `passed`. Returns its length, s; progress.outcome says why there is none.
-  virtual double look(std::int64_t tick, double offset, double limit, const JointState& state, const double* actuator,
-                      bool passed, Progress& progress) = 0;
+  virtual double ensure_step(std::int64_t tick, double offset, double limit, const JointState& state,
+                             const double* actuator, bool passed, Progress& progress) = 0;
 
   // Conversion between s behind that tick and s into that step.
   virtual double into_step(double offset) const = 0;
   virtual double behind_tick(double into) const = 0;
 
   // The state `into` s into that step.
-  virtual Outcome show(double into, JointState& out, int& joint) = 0;
+  virtual Outcome state_at(double into, JointState& out, int& joint) = 0;
 
   // Whether the step under way covers `from` to `to` s behind `tick`; then `to` is `into` s into it.
   virtual bool spans(std::int64_t /*tick*/, double /*from*/, double /*to*/, double& /*into*/) { return false; }
 
-  // Whether show() reads dense output; else it makes another step.
+  // Whether state_at() reads dense output; else it makes another step.
   virtual bool reads_densely() const = 0;
 
-  std::int64_t number = 0;  // number of steps that look() has made
+  std::int64_t number = 0;  // number of steps that ensure_step() has made
 };
 
 }  // namespace planar_chain

@@ -30,7 +30,7 @@ class Lookout {
   void begin(std::function<bool()> ask) { ask_ = std::move(ask), begin(); }
 
   // Whether to stop, after this much more work, in units of about one joint acceleration.
-  bool stop(std::int64_t work) { return (left_ -= work) < 0 && look(); }
+  bool stop(std::int64_t work) { return (left_ -= work) < 0 && check(); }
 
  private:
   using Clock = std::chrono::steady_clock;
@@ -38,7 +38,7 @@ class Lookout {
   static constexpr std::chrono::microseconds soon{200}, late{2000}, ask_period{5000};
   static constexpr int least_gap = 20;  // times the duration of the last `ask`: a busy interpreter must cost little
 
-  __attribute__((noinline)) bool look() {
+  __attribute__((noinline)) bool check() {
     left_ = 0;
     if (stopped_ || wanted_.load(std::memory_order_relaxed)) return stopped_ = true;
     const Clock::time_point now = Clock::now();

@@ -39,10 +39,10 @@ class Rosenbrock final : public ErrorControlledStep {
   }
 
   Outcome attempt(const JointState& base, double& error, int& joint) override {
-    const double reach = length_ * gamma_;
+    const double h_gamma = length_ * gamma_;
     double* matrix = lu_.matrix();
     for (std::size_t k = 0; k < jacobian_.mass.size(); ++k)
-      matrix[k] = jacobian_.mass[k] + reach * (jacobian_.by_velocity[k] + reach * jacobian_.by_position[k]);
+      matrix[k] = jacobian_.mass[k] + h_gamma * (jacobian_.by_velocity[k] + h_gamma * jacobian_.by_position[k]);
     if (!lu_.factorise()) return joint = 0, Outcome::singular;
     for (int stage = 0; stage < stage_count_; ++stage) {
       const double* derivative = stages_.row(stage_count_);
@@ -53,7 +53,7 @@ class Rosenbrock final : public ErrorControlledStep {
       }
       const double* sum = stages_.weigh(c_[stage]);
       for (int i = 0; i < 2 * joints_; ++i) right_[i] = derivative[i] + sum[i] / length_;
-      solve(reach, stages_.row(stage));
+      solve(h_gamma, stages_.row(stage));
     }
     stages_.move(base, 1.0, b_, end_);
     error = size_of(stages_.weigh(error_[0]), base);
@@ -100,19 +100,19 @@ class Rosenbrock final : public ErrorControlledStep {
     move_by(base, moved_.data(), out);
   }
 
-  // u = (p, w) from the right side (r, s), reach = h gamma.
-  void solve(double reach, double* u) {
+  // u = (p, w) from the right side (r, s), h_gamma = length * gamma.
+  void solve(double h_gamma, double* u) {
     const double *r = right_.data(), *s = r + joints_;
     double *p = u, *w = u + joints_;
     for (int i = 0; i < joints_; ++i) {
       const double* mass = &jacobian_.mass[static_cast<std::size_t>(i) * joints_];
       const double* stiffness = &jacobian_.by_position[static_cast<std::size_t>(i) * joints_];
       double sum = 0.0;
-      for (int j = 0; j < joints_; ++j) sum += mass[j] * s[j] - reach * (stiffness[j] * r[j]);
-      w[i] = reach * sum;
+      for (int j = 0; j < joints_; ++j) sum += mass[j] * s[j] - h_gamma * (stiffness[j] * r[j]);
+      w[i] = h_gamma * sum;
     }
     lu_.solve(w);
-    for (int i = 0; i < joints_; ++i) p[i] = reach * (r[i] + w[i]);
+    for (int i = 0; i < joints_; ++i) p[i] = h_gamma * (r[i] + w[i]);
   }
 
   const int stage_count_;

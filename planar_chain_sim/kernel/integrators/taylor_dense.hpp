@@ -51,7 +51,7 @@ class TaylorDense final : public Taylor {
   PLANAR_CHAIN_INLINE int coefficients(const JointState& base) {
     Series& s = series_;
     place(base);
-    know();
+    set_known_efforts();
     const int unknown = s.prepare();
     if (unknown >= 0) return unknown < Angles ? joint_[unknown] : slide_joint_[unknown - Angles];
     for (int k = 0; k < order_; ++k) s.advance(k, inverse_.data());
@@ -101,14 +101,14 @@ class TaylorDense final : public Taylor {
       std::vector<Complex>& arm = arms_[k] = arms_[link.carrier];
       if (const int p = angle_[link.carrier]; p >= 0) arm[p] += Complex(link.offset_x, link.offset_y);
       if (link.slides()) arm[s.angles + slide_[k]] += Complex(link.axis_x, link.axis_y);
-      std::vector<Complex> reach(count);  // m_k C_ak
+      std::vector<Complex> weighted(count);  // m_k C_ak
       const int own = angle_[k];
       const Complex moment(link.moment_x, link.moment_y);
-      for (int a = 0; a < count; ++a) reach[a] = link.mass * arm[a] + (a == own ? moment : 0.0);
+      for (int a = 0; a < count; ++a) weighted[a] = link.mass * arm[a] + (a == own ? moment : 0.0);
       for (int a = 0; a < count; ++a) {
-        weight[a] -= std::conj(reach[a]) * gravity;
+        weight[a] -= std::conj(weighted[a]) * gravity;
         for (int b = 0; b < count; ++b)  // m_k conj(C_ak) C_bk but for m_k |c_k|^2, which is in J_k
-          coupling[a][b] += std::conj(arm[a]) * reach[b] + (a == own ? std::conj(moment) * arm[b] : 0.0);
+          coupling[a][b] += std::conj(arm[a]) * weighted[b] + (a == own ? std::conj(moment) * arm[b] : 0.0);
       }
       if (own >= 0) s.inertia[own].of[own] += link.inertia;
       if (link.turns()) {  // S I_a S^T
@@ -166,11 +166,11 @@ class TaylorDense final : public Taylor {
     s.pushes.clear();
     for (const Wrench& wrench : forces_.wrenches) {
       typename Series::Push made{wrench.turns ? angle_[wrench.link] : -1};
-      std::vector<Complex> reach = arms_[wrench.link];
-      if (const int own = angle_[wrench.link]; own >= 0) reach[own] += Complex(wrench.point_x, wrench.point_y);
+      std::vector<Complex> weighted = arms_[wrench.link];
+      if (const int own = angle_[wrench.link]; own >= 0) weighted[own] += Complex(wrench.point_x, wrench.point_y);
       const Complex force(wrench.force_x, wrench.force_y);
       for (int a = 0; a < s.angles + s.slides; ++a) {
-        const Complex pushed = std::conj(reach[a]) * force;
+        const Complex pushed = std::conj(weighted[a]) * force;
         if (a < s.angles) made.x.of[a] = pushed.real(), made.y.of[a] = pushed.imag();
         else made.slide_x[a - s.angles] = pushed.real(), made.slide_y[a - s.angles] = pushed.imag();
       }
@@ -210,7 +210,7 @@ class TaylorDense final : public Taylor {
   }
 
   // Q = S tau for angles, f for slides, with gravity, which the pulls of order 0 hold from then on.
-  PLANAR_CHAIN_INLINE void know() {
+  PLANAR_CHAIN_INLINE void set_known_efforts() {
     Series& s = series_;
     double known[Angles] = {};
     for (int i = 0; i < s.angles; ++i) {

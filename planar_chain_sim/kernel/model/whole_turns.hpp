@@ -50,7 +50,7 @@ class WholeTurns {
   PLANAR_CHAIN_INLINE bool find(const Real* base) {
     std::conditional_t<lanes_in<Real> == 1, int, Truth<Real>> far = 0;
     for (int i = 0; i < count_; ++i) far |= base[i] * base[i] > Real(far_angle * far_angle);
-    return any(Truth<Real>(far)) && look(base);
+    return any(Truth<Real>(far)) && find_far(base);
   }
 
   // Those found, in position + remainder.
@@ -74,7 +74,7 @@ class WholeTurns {
   }
 
  private:
-  __attribute__((noinline)) bool look(const Real* base) {
+  __attribute__((noinline)) bool find_far(const Real* base) {
     far_.clear();
     for (int j : joints_)
       if (any(base[j] * base[j] > Real(far_angle * far_angle))) far_.push_back(j);

@@ -37,7 +37,7 @@ class Stepper {
         state_(model.cast<const Model&>().chain().joint_count), effort_(state_.position.size()),
         latched_(state_.position.size()), zero_(state_.position.size()), step_(step),
         joints_(static_cast<py::ssize_t>(effort_.size())), adaptive_(method.adaptive), lookout_(stop_wanted_) {
-    scene_->integrator->look_out(&lookout_);
+    scene_->integrator->set_lookout(&lookout_);
   }
   Stepper(const Stepper&) = delete;
 
@@ -176,7 +176,7 @@ class Stepper {
     const pc::Counts counted = scene_->integrator->counts;
     const std::deque<pc::JointEvent> events = take();
     std::swap(scene_, fresh.scene_);
-    scene_->integrator->look_out(&lookout_), fresh.scene_->integrator->look_out(&fresh.lookout_);
+    scene_->integrator->set_lookout(&lookout_), fresh.scene_->integrator->set_lookout(&fresh.lookout_);
     step_ = fresh.step_, adaptive_ = fresh.adaptive_;
     if (with_state) {
       state_ = fresh.state_, effort_ = fresh.effort_, tick_ = fresh.tick_, between_ = fresh.between_;
@@ -373,7 +373,7 @@ class Stepper {
     if (there && until) {
       std::copy_n(efforts.data, effort_.size(), latched_.begin());
       scene_->forces.clamp(latched_.data());
-      integrator.reach(time(), tick_, *until, state_, latched_.data(), progress);
+      integrator.advance_to(time(), tick_, *until, state_, latched_.data(), progress);
       if (progress.outcome == pc::Outcome::good) effort_ = latched_, between_ = until;
     }
     call.take_back();
