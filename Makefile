@@ -80,6 +80,7 @@ bench: $(BENCH_READY)
 # 1e5 commands, ten minutes under full load.
 soak: $(BENCH_READY) $(TEST_READY)
 	@mkdir -p $(BENCH_FOLDER)
+	@rm -f $(BENCH_FOLDER)/stability*
 	$(VENV)/bin/benchmark stability --csv $(BENCH_FOLDER)/stability.csv --picture $(BENCH_FOLDER)/stability.png \
 	  --peers MuJoCo
 	SOAK=20 $(PY) -m pytest test/ros/test_node_process.py test/ros/test_neighbours.py -k 'stop_signal or flood'

@@ -9,7 +9,7 @@ from typing import NamedTuple, Optional
 import warnings
 
 from .table import shown, table_lines
-from ..command_line import Parser, PICTURES_NEED, run_command
+from ..command_line import Parser, PICTURES_NEED, refuse_existing, run_command
 from ..errors import Mistake
 
 
@@ -54,6 +54,8 @@ def _touch(path: Optional[Path], flag: str) -> None:
         raise Mistake(f"--picture is {str(path)!r}, must end in '.png' or '.svg'")
     try:
         path.open('ab').close()
+        if path.is_file() and not path.stat().st_size:   # none is left after Ctrl-C, which the next run would refuse
+            path.unlink()
     except OSError as error:
         raise Mistake(f'{flag} {str(path)!r}: {error.strerror}') from None
 
@@ -61,6 +63,10 @@ def _touch(path: Optional[Path], flag: str) -> None:
 def _write(path: Path, table) -> None:
     with open(path, 'w', newline='') as file:
         csv.writer(file).writerows(table)
+
+
+def _summary_file(table_file: Path) -> Path:
+    return table_file.with_name(f'{table_file.stem}_summary{table_file.suffix}')
 
 
 def _open_peers(wanted: Optional[str]) -> dict:
@@ -97,7 +103,7 @@ def run_suite(name: str, table_file: Optional[Path], picture: Optional[Path], qu
         columns, summary = module.summary(table)
         print('\n'.join(['', *table_lines(columns, summary)]), flush=True)
         if table_file:
-            _write(table_file.with_name(f'{table_file.stem}_summary{table_file.suffix}'), [columns, *summary])
+            _write(_summary_file(table_file), [columns, *summary])
     if picture:
         try:
             module.draw(table, picture)
@@ -120,6 +126,9 @@ def _benchmark(arguments) -> int:
         raise Mistake('--folder is required by `all` and is for it alone')
     if options.suite == 'all' and (options.csv or options.picture):
         raise Mistake('--csv and --picture go with one suite, `all` takes --folder')
+    for output in (options.csv, options.csv and _summary_file(options.csv), options.picture):
+        if output:
+            refuse_existing(str(output))
     if options.picture and not hasattr(_module(options.suite), 'draw'):
         raise Mistake(f'{options.suite} has no picture')
     peers = _open_peers(options.peers) if options.suite not in ('references', 'node') else {}

@@ -88,6 +88,17 @@ def test_mistake_is_one_sentence_before_anything_is_measured(arguments, said, ca
     assert printed.err.count('\n') == 1 and said in printed.err and '--' not in printed.out
 
 
+@pytest.mark.parametrize('name, arguments', [
+    ('table.csv', ['--csv', 'table.csv']), ('table_summary.csv', ['--csv', 'table.csv']),
+    ('picture.svg', ['--picture', 'picture.svg'])])
+def test_no_file_is_overwritten(name, arguments, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path(name).write_text('mine')
+    assert main(['work-precision', '--quick', '--peers', 'none', *arguments]) == 2
+    assert capsys.readouterr().err == f"benchmark: '{name}': the file exists and is not overwritten, give a new name\n"
+    assert Path(name).read_text() == 'mine' and len(list(tmp_path.iterdir())) == 1
+
+
 def test_tables_are_aligned_and_no_wider_than_100_columns():
     random, broken = Random(6), 0
     words = ['planar_chain_sim', 'a', 'joint', 'stops that open and close', 'evaluation, ns: median', 'x' * 25, '']
