@@ -72,19 +72,22 @@ def test_every_kind_that_can_be_provoked_has_the_keys_of_its_row(tmp_path):
             peer.new_state()
         until('slipped', lambda: peer.commands.publish(Float64MultiArray(data=[0.0, 3.0])))
         until('stuck')   # after the time-out
-        process.send(signal.SIGSTOP)
-        time.sleep(1.0)
-        process.send(signal.SIGCONT)
-        until('dropped_time')
+
+        def halt():   # again where it stops in a publication, which explains the time
+            process.send(signal.SIGSTOP)
+            time.sleep(1.0)
+            process.send(signal.SIGCONT)
+        until('dropped_time', halt)
         peer.node.destroy_publisher(peer.joint_commands)
         peer.commands.publish(Float64MultiArray(data=[1.0, 0.0]))
+        peer.new_state(lambda state: state.effort[0] == 1.0)
         peer.node.destroy_publisher(peer.commands)
         until('controller_loss')
         os.rename(path, tmp_path / 'moved.mcap')
         until('log_failure')
         published = check([json.loads(each.data) for each in peer.events])
         assert process.stop() == 0, process.output
-    assert published == EVENTS.keys() - NOT_HERE
+    assert published - {'held_up'} == EVENTS.keys() - NOT_HERE   # the middleware may block
     log = load_log(tmp_path / 'moved.mcap')
     assert check(log.events) >= published and {command['topic'] for command in log.commands} == {
         '/simulator/commands', '/simulator/joint_commands', '/simulator/wrench'}
