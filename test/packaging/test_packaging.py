@@ -148,7 +148,7 @@ def test_executable_shows_help(workspace, name):
 def test_colcon_test_tests_what_is_installed(workspaces):
     workspace = workspaces['copied']
     run = colcon(workspace, 'test', '--event-handlers', 'console_direct+',
-                 '--pytest-args', 'test/packaging/test_packaging.py', '--return-code-on-test-failure',
+                 '--return-code-on-test-failure', '--pytest-args', 'test/packaging/test_packaging.py',
                  '-k', 'test_the_kernel_loads_from_its_own_package')
     output, _ = run.communicate(timeout=120)
     assert run.returncode == 0 and '1 passed' in output, output
