@@ -93,7 +93,7 @@ class Checkpoint:
 
 def resolve_method(chain: Chain, method: str, tolerance: Optional[float]) -> Any:
     """Row of METHODS and tolerance for a name or 'auto'; ValueError: unknown name, a tolerance that cannot be used."""
-    if method != 'auto' and method not in METHODS:
+    if not isinstance(method, str) or method != 'auto' and method not in METHODS:
         raise ValueError(f"method is {method!r}, must be 'auto' or one of {', '.join(map(repr, METHODS))}")
     adaptive = method == 'auto' or METHODS[method].adaptive
     if tolerance is None:

@@ -130,8 +130,8 @@ def _from_array(path: Path, name: str, chain: Chain) -> Union[Efforts, np.ndarra
     if not isinstance(values, np.ndarray) or values.dtype.kind not in 'fiu' or values.ndim not in (1, 2):
         got = f'{values.dtype} of shape {values.shape}' if isinstance(values, np.ndarray) else 'an archive'
         raise Mistake(f'{name} is {got}, {wanted}')
-    shape = (joints,) if values.ndim == 1 else (len(values), joints)
-    if values.shape != shape or not values.size:
+    shape = (joints,) if values.ndim == 1 else (max(1, len(values)), joints)
+    if values.shape != shape:
         raise Mistake(f'{name} has shape {values.shape}, must have {shape}, with a row per tick')
     try:
         rows = joint_array(name, values, shape)

@@ -32,6 +32,8 @@ def test_time_is_ticks_times_step_and_advance_to_lands_on_it():
 
 @pytest.mark.parametrize('arguments, message', [
     ({'method': 'rk5'}, "method is 'rk5', must be 'auto' or one of"),
+    ({'method': {}}, "method is {}, must be 'auto' or one of"),
+    ({'method': np.zeros(2)}, r"method is array\(\[0., 0.\]\), must be 'auto' or one of"),
     ({'step': 0.0}, 'step is 0.0, must be a positive'), ({'step': np.inf}, 'step is inf'),
     ({'step': '1'}, "step is '1'"),
     ({'method': 'rk4', 'tolerance': 1e-9}, "tolerance is 1e-09, must be None: method 'rk4' has a fixed step"),

@@ -87,6 +87,7 @@ def test_efforts_are_the_same_from_a_table_and_an_array_file(tmp_path):
     ('words.csv', lambda path: path.write_text('1,2,3,4,five\n'), "line 1 column 5 (side_arm_joint) is 'five'"),
     ('pickled.npy', lambda path: np.save(path, np.array([{}] * 5)), 'Object arrays cannot be loaded'),
     ('rows.npy', lambda path: np.save(path, np.zeros((3, 5))), 'has 3 rows, must have one for each of the 1000 ticks'),
+    ('empty.npy', lambda path: np.save(path, np.zeros((0, 5))), 'has shape (0, 5), must have (1, 5), with a row'),
     ('narrow.npy', lambda path: np.save(path, np.zeros((1000, 4))), 'has shape (1000, 4), must have (1000, 5)'),
 ])
 def test_efforts_that_do_not_fit_are_one_sentence(tmp_path, capsys, name, content, message):
