@@ -295,7 +295,7 @@ def test_changes_of_an_offline_log_that_cannot_be_leave_nothing_in_it(tmp_path):
                 ('parameter', {'name': 'effort_limit', 'value': ['much'] * 5}, 'must be a list of numbers'),
                 ('parameter', {'name': 'effort_limit', 'value': [[1.0]] * 5}, 'must be a list of numbers'),
                 ('state', {'position': [0.0], 'velocity': [0.0] * 5}, 'position has shape'),
-                ('payload', {'name': 'p', 'body': 'column', 'mass': -1.0, 'position': [0.0, 0.0]}, 'must have > 0'),
+                ('payload', {'name': 'p', 'body': 'column', 'mass': -1.0, 'position': [0.0, 0.0]}, 'must be > 0'),
                 ('state', {'position': object(), 'velocity': 1}, 'cannot be written as JSON')):
             with pytest.raises(ValueError, match=message):
                 log.change(kind, **data)
