@@ -17,7 +17,7 @@ COLUMNS = ('problem', 'library', 'method', 'kind', 'setting', 'error', 'evaluati
            'CPU median, ms', 'CPU min, ms')
 TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)
 ROUNDS = 21
-LIMIT = 0.15     # s: a setting this dear ends its curve
+LIMIT = 0.15     # s: a setting that takes this long ends its curve
 BUDGET = 0.1     # s of readings per setting
 ROUND_OFF = 1e-13   # in the picture: less is luck
 PATIENCE = 6     # settings in a row that bring no smaller error end it too
@@ -109,7 +109,7 @@ def summary(table: list[tuple]) -> tuple[tuple, list[tuple]]:
     """
     Return columns and rows: the cheapest measured setting of each method that reaches each of TARGETS, median ms.
 
-    After each problem: the cheapest of each library, and how many times dearer each peer is than ours.
+    After each problem: the fastest of each library, and how many times as long as ours each peer takes.
     """
     columns = ('problem', 'library', 'method', *(f'{target:g}: median, ms' for target in TARGETS),
                *(f'{target:g}: min, ms' for target in TARGETS))

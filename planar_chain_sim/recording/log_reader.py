@@ -70,10 +70,10 @@ class LogFile:
 
     def blocks(self) -> Iterator[tuple[bytes, list, dict]]:
         """
-        Yield chunk after chunk, for whoever reads many messages at once; LogError as `messages`.
+        Yield chunk after chunk, to read many messages at once; LogError as `messages`.
 
-        That is its bytes, (start, end) of each message in it, which is a MESSAGE and its data, and channel -> (topic,
-        type name).
+        Each chunk gives its bytes, the (start, end) of each message in it (a MESSAGE and its data), and channel ->
+        (topic, type name).
         """
         return _blocks(self.path)
 

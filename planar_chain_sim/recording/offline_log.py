@@ -124,7 +124,7 @@ class OfflineLog:
         if strange:
             raise ValueError(f'the change {kind!r} has {strange[0]!r}, must have {", ".join(row.keys) or "no data"}')
         self._check_logged()
-        data = {**row.defaults, **json.loads(json.dumps(data, default=_plain))}   # as whoever reads the log has it
+        data = {**row.defaults, **json.loads(json.dumps(data, default=_plain))}   # as the reader of the log gets it
         if kind == 'parameter' and data.get('name') not in (*QUANTITIES, None):   # the node has more, of its own
             raise ValueError(f'the parameter is {data["name"]!r}, must be one of {", ".join(map(repr, QUANTITIES))}')
         before = simulation.position.tobytes(), simulation.velocity.tobytes()

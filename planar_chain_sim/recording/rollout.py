@@ -62,7 +62,7 @@ def _rollout_to_file(arguments) -> int:
     from tqdm import tqdm  # the progress bar; not needed where rollout is a function
     print_line(f'{chain.name}: {simulation.plan}')
     began = perf_counter()
-    stops = []   # signals: an exception in the midst of a record would tear the log
+    stops = []   # signals: an exception during a record would damage the log
 
     def stop(number, frame) -> None:
         stops.append(number)

@@ -424,7 +424,7 @@ class Reader:
         matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         return Link(name, mass, center, turn @ matrix @ turn.T)
 
-    # The line that tells of it
+    # The line about the file
 
     def account(self, robot: SpatialRobot, chain: Chain, plane) -> str:
         """Return the line about the file: joints, plane, gravity, changes to them, and what is not used."""

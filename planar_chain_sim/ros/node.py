@@ -33,7 +33,7 @@ def simulate(own_arguments, ros_arguments, stop) -> None:
     from ..errors import Mistake
     told = parse(own_arguments)
     gc.disable()  # until all is loaded: nothing of it is garbage
-    with ExitStack() as ending:  # ends in reverse order, so that nobody is asked who has gone already
+    with ExitStack() as ending:  # ends in reverse order, so that nothing is used after its end
         node = start_node('simulator', ros_arguments, ending)
         warnings.showwarning = lambda message, category, *_: log_warning(node, message, category)
         started = start_simulator(node, ending, stop, told)

@@ -9,7 +9,7 @@ from typing import Optional
 
 LONGEST_LATENESS = 500_000_000  # ns; ticks that are later than this are not caught up with, the time is dropped
 LAST_STAMP = 2**31 * 10**9 - 1  # ns; ROS counts no further, which is in January 2038 since the epoch
-TIME_SLICE = 100_000  # ns, the shortest that Linux gives: who asks for less at a time gets it sooner
+TIME_SLICE = 100_000  # ns, the shortest that Linux allows: threads with shorter slices run sooner
 SCHED_SETATTR = {'x86_64': 314, 'aarch64': 274}  # machine -> number of the system call, for which glibc has no function
 
 

@@ -20,7 +20,7 @@ class StandardServices:
 
     def __init__(self, simulator, quit_process: Callable[[], None], name: str, ask: Callable[..., Awaitable]):
         self._simulator, self._quit, self._name, self._ask = simulator, quit_process, name, ask
-        self._stopped_at = None  # tick at which somebody wanted it stopped
+        self._stopped_at = None  # tick at which a client stopped it
         self.rows = {   # name of the service -> (type, answer)
             'get_simulator_features': ('GetSimulatorFeatures', self.features),
             'reset_simulation': ('ResetSimulation', self.reset),

@@ -216,7 +216,7 @@ class Derivation:
     # --- reduction
 
     def _add(self, sign: int, products: Iterator[Product]) -> None:
-        """Add products of a body's row, times a sign, to the equation at hand."""
+        """Add products of a body's row, times a sign, to the present equation."""
         for product in products:
             dot = self._dot(product.left, product.right) if product.left and product.right else None
             symbols = tuple(sorted(product.symbols, key=lambda s: (LETTERS[s.letter], s.index)))

@@ -205,7 +205,7 @@ Factor = Union[Motion, SignOf, Effort, ScalarProduct, Trigonometric]
 
 
 def sum_of(parts) -> str:
-    """Return 'a - b + c' of signs and names; a name may bear a minus of its own."""
+    """Return 'a - b + c' of signs and names; a name may have its own minus."""
     text = ''
     for sign, name in parts:
         name = str(name)

@@ -57,7 +57,7 @@ class Text:
         return self._marked(coordinate.letter, ('', DOT, DOTS)[order], coordinate.index)
 
     def vector(self, vector: Vector) -> str:
-        """Return a unit vector; chi and gravity bear no hat."""
+        """Return a unit vector; chi and gravity have no hat."""
         return self._marked(vector.shown_letter, '' if vector.letter in ('chi', 'g') and not vector.turned else HAT,
                             vector.index)
 

@@ -177,7 +177,7 @@ def test_text_is_the_chain_s_own_whatever_it_was_made_with():
                         pcs.Chain('random', chain.gravity, chain.bodies, TWO_RODS), replace(chain, name='other'),
                         pcs.Chain('random', chain.gravity, chain.bodies), replace(chain, source='')):
             assert same_bits(chain_from_text(changed.source), changed)
-        assert replace(chain).source == chain.source    # a text that says the same stays, to the letter
+        assert replace(chain).source == chain.source    # a text of the same chain is kept unchanged
     commented = chain_from_text('# a comment\n' + TWO_RODS)
     assert replace(commented, gravity=TWO.gravity).source == commented.source
     assert '#' not in replace(commented, gravity=-1j).source

@@ -56,7 +56,7 @@ def test_a_damped_spring_has_the_roots_of_its_quadratic(kind, inertia):
 
 
 def test_small_oscillations_swing_in_the_time_that_a_gives():
-    """Oracle: let go at rest in an eigenmode the robot is back after a period, up to the square of the amplitude."""
+    """Oracle: released at rest in an eigenmode, the robot is back after a period, up to the square of the amplitude."""
     chain = pcs.load_chain('four_link_robot.yaml')
     chain = replace(chain, bodies=tuple(replace(
         body, slide=body.slide and replace(body.slide, damping=0.0),

@@ -238,7 +238,7 @@ def test_an_impact_of_joints_that_rest_on_their_stops_is_solved_despite_rounding
 
 
 def test_weak_impacts_of_joints_on_their_stops_come_to_an_end():
-    """Two joints thrown at their stops by each other, infinitely often in no time (scene 165 of the family)."""
+    """Two joints throw each other at their stops infinitely often within one moment (scene 165 of the family)."""
     for seed in (165, 3, 1262, 1460):
         report = run_scene(random_scene(seed), 5.0)
         assert report.failed is None and report.most_steps <= 60

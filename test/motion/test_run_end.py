@@ -21,7 +21,7 @@ def test_a_run_away_state_stops_at_the_last_good_one():
         simulation.advance(100_000)
     error = caught.value
     assert error.tick == simulation.tick > 0 and error.time == simulation.time and error.joint == 'joint'
-    assert simulation.statistics['evaluations'] == 4 * (error.tick + 1)     # those of the step that failed are told too
+    assert simulation.statistics['evaluations'] == 4 * (error.tick + 1)     # those of the failed step are counted, too
     assert abs(simulation.position[0]) < 10.0
     assert np.isfinite(simulation.position).all() and error.position.tobytes() == simulation.position.tobytes()
     same.advance(error.tick)

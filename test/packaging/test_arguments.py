@@ -226,7 +226,7 @@ def test_a_bug_shows_its_traceback_and_is_no_difference(error, folder, monkeypat
 def test_a_mistake_is_one_sentence(error, said, folder, monkeypatch, capfd):
     def fail(*arguments):
         raise error
-    keep = os.dup(1)     # what writes no more lets go of its output
+    keep = os.dup(1)     # a writer that has ended closes its output
     try:
         monkeypatch.setattr(resimulation, 'resimulate', fail)
         assert resimulation.main([str(folder / 'run.mcap')]) == 2

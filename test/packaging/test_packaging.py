@@ -93,7 +93,7 @@ def workspace(request, workspaces):
 
 
 def run_installed(workspace, *command):
-    """Run a command as a user does who has sourced the workspace, away from all sources."""
+    """Run a command in a shell that has sourced the workspace, away from all sources."""
     return subprocess.run(['bash', '-c', '. "$0/install/setup.bash" && exec "$@"', workspace, *command],
                           cwd=workspace.parent, capture_output=True, text=True, timeout=60)
 

@@ -77,7 +77,7 @@ def test_poses_are_those_of_another_library(urdf):
 
 
 def test_transforms_make_one_tree_of_all_links(urdf):
-    """Every link but the root has one parent: nothing is told twice, by /tf and /tf_static together."""
+    """Every link but the root has one parent: /tf and /tf_static together have each link once."""
     frames = LinkFrames(urdf)
     _, _, by_name, robot = at_random(urdf, 7)
     told = frames.fixed() + frames.moving(by_name)

@@ -34,7 +34,7 @@ def pendulum(**parts):
 
 
 def read(text, hold=None):
-    """Return the chain, and what is told of it."""
+    """Return the chain and the line about the file."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter('always')
         chain = chain_from_text(text, 'm.xml', hold)

@@ -16,7 +16,7 @@ from sensor_msgs.msg import JointState
 
 
 def _never_called(message):
-    """Stand where rclpy wants a callback: messages are taken by hand."""
+    """Do nothing: rclpy requires a callback, but messages are taken by hand."""
 
 
 def main():

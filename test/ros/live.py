@@ -100,7 +100,7 @@ def simulator(*remappings, ready=True, preexec_fn=None, **parameters):
 
 
 def _never_called(message):
-    """Stand where rclpy wants a callback; it looks at the signature, which `print` lacks in Python 3.10."""
+    """Do nothing: rclpy requires a callback with a signature, which `print` lacks in Python 3.10."""
 
 
 class Peer:

@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parent
 
 @pytest.fixture(scope='module')
 def preload(tmp_path_factory):
-    """Return the library that shifts the system clock of whoever loads it first."""
+    """Return the library that shifts the system clock of a process that preloads it."""
     compiler = os.environ.get('CXX') or shutil.which('c++') or shutil.which('g++')
     library = tmp_path_factory.mktemp('clock') / 'shifted_clock.so'
     subprocess.run([compiler, '-shared', '-fPIC', '-o', library, ROOT / 'shifted_clock.cpp', '-ldl'], check=True)

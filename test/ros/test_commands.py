@@ -163,7 +163,7 @@ NAN2 = [np.nan, np.nan]
     (message(['a', 'b'], position=[np.nan, 1.0], effort=[1.0, np.nan]), 'no effort'),   # of b, as a gripper has it
     (message(['a', 'b'], position=[1.0], effort=[1.0, np.nan]), 'no effort'),
     (message(['x'], effort=[1.0]), 'unknown joint'),
-    # What follows is normal: before a controller is active, and of one that tells what it wants besides.
+    # These are normal: messages before a controller is active, and efforts with additional positions or velocities.
     (message(['a', 'b'], effort=NAN2), None),
     (message(['a', 'b'], position=NAN2, velocity=NAN2), None),
     (message(['a', 'b'], position=NAN2, velocity=NAN2, effort=NAN2), None),

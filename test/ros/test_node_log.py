@@ -224,7 +224,7 @@ def small_disk(tmp_path):
 
 
 def test_a_full_disk_does_not_end_the_physics(small_disk):
-    """It is told by an event, a line and diagnostics; what fitted runs again; the motion goes on as if unrecorded."""
+    """An event, a line and diagnostics report it; the written part runs again; the motion goes on without a log."""
     folder, limit = small_disk
     path = folder / 'run.mcap'
     with simulator(chain_file='double_pendulum.yaml', rate=2000, publish_rate=500, publish_clock=True, record=path,

@@ -137,7 +137,7 @@ def test_a_frame_that_is_no_link_is_told_without_markers_too():
 
 
 def test_commanded_joints_that_the_chain_has_not_are_told(declared, capfd):
-    """Not refused: the hardware of ros2_control may have a gripper besides."""
+    """Not refused: the hardware of ros2_control may also have a gripper."""
     _, node = declared(f'commanded_joints:=[{JOINTS[0]}, gripper]')
     assert declare_chain_parameters(node, CHAIN)['commanded_joints'] == [JOINTS[0], 'gripper']
     assert "'commanded_joints' names 'gripper', not among the joints" in capfd.readouterr().err
@@ -433,7 +433,7 @@ def until_refused(ask):
 
 
 def parameters_are_read_while_services_wait(peer):
-    """Ask in the midst of a long tick: the reader is served before those who wait for the tick thread."""
+    """Ask during a long tick: reading a parameter does not wait for the tick thread."""
     peer.until(peer.parameters.services_are_ready)
     end, waited = monotonic() + PATIENCE, False
     while not waited:   # a tick may end just then

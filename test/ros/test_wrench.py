@@ -94,7 +94,7 @@ def test_a_wrench_acts_as_newton_says_and_the_log_runs_again(chain_file, tmp_pat
         push(peer, publisher, 'rod')
         push(peer, publisher, 'cart')
         np.testing.assert_allclose(step(peer, 3).velocity, speeds, rtol=1e-12, atol=1e-15)
-        # The same again changes nothing and is told of no more.
+        # The same wrench again changes nothing and has no event.
         publisher.publish(wrench('cart'))
         publisher.publish(wrench('cart', x=1.0))
         assert peer.until(lambda: events(peer, 'wrench')[5:])[0]['data']['force'] == [1.0, 0.0]

@@ -19,7 +19,7 @@ def compile_shared(source: Path, flags: list[str], libraries: list[str] = (), he
     """
     Return `source` compiled with $CXX, -O3 and no machine flags, as a peer's own users get it; kept for the next run.
 
-    `headers` of ours that it includes: it is compiled anew where they changed.
+    `headers`: our own headers that it includes; it is compiled again if they have changed.
 
     The folder is $XDG_CACHE_HOME/planar_chain_sim, by default ~/.cache/planar_chain_sim. Missing: no compiler, or it
     refuses.

@@ -79,7 +79,7 @@ def _flooded(count: int) -> tuple:
 
 
 def _never_called(message):
-    """Stand where rclpy wants a callback: messages are taken by hand."""
+    """Do nothing: rclpy requires a callback, but messages are taken by hand."""
 
 
 def _effort(states, wanted) -> Optional[np.ndarray]:

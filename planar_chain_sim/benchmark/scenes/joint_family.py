@@ -163,7 +163,7 @@ def at_random(peers: dict, size: float) -> Iterator[Check]:
     most = np.array([report.most_steps for _, report in reports])
     spread = ', '.join(f'{100.0 * np.mean(most <= bound):.1f} % at most {bound}' for bound in (10, 20, 50, 100))
     yield Check(f'most steps in a tick, where several joints bounce at once; {spread}', 400, int(most.max()))
-    if size >= 1.0:   # a few scenes would tell of the machine
+    if size >= 1.0:   # with few scenes the result would depend on the machine
         slow = sum(bool(always_slow(scene, report)) for scene, report in reports)
         yield Check('scenes with a tick of more than 1 ms of CPU, in each of three runs', count // 50 + 1, slow)
 

@@ -58,7 +58,7 @@ inline void reduced_sine_cosine(const Real& r, const Real& tail, const Bits<Real
 }
 
 // Of angle + low, |low| small beside it, of at most most_quarters quarter turns; true where the angle is farther and
-// the result is to be thrown away.
+// the result must not be used.
 template <class Real>
 PLANAR_CHAIN_INLINE Truth<Real> near_sine_cosine(const Real& angle, const Real& low, Real& sine, Real& cosine) {
   const Real shifted = angle * quarters_per_radian + to_nearest;

@@ -12,7 +12,7 @@
 namespace planar_chain {
 
 struct ReducedChain {
-  Chain chain;              // joints numbered anew
+  Chain chain;              // with new joint numbers
   JointForces forces;       // smooth laws, wrenches; efforts that do not change are the caller's
   std::vector<int> joints;  // what the new joints were
 };

@@ -13,7 +13,7 @@
 #define PLANAR_CHAIN_HAS_WIDE false
 #endif
 
-// Before a loop whose turns do not need one another's results; gcc alone has to be told.
+// Before a loop with independent iterations; only gcc needs this.
 #ifdef __clang__
 #define PLANAR_CHAIN_APART
 #else

@@ -78,7 +78,7 @@ class Integrator {
   // This integrator as that of a scene with stops or friction (events/events.hpp); null: it is another one.
   virtual EventDriven* event_driven() { return nullptr; }
 
-  // Appends all numbers besides the state that decide how the motion goes on, for a checkpoint.
+  // Appends all numbers except the state that decide how the motion goes on, for a checkpoint.
   virtual void save(std::vector<double>& all) const { all.push_back(static_cast<double>(Kept::nothing)); }
 
   // Restores what save() gave; false if it cannot have been saved in this state, at `now` s behind tick `tick`, or if,
