@@ -166,7 +166,7 @@ def apply_event(simulation: Simulation, kind: str, data: dict) -> None:
 
 def table() -> str:
     """Return EVENTS as a Markdown table."""
-    lines = ['| kind | data | told by | changes the run | meaning |', '|---|---|---|---|---|']
+    lines = ['| kind | data | written by | changes the run | meaning |', '|---|---|---|---|---|']
     for name, kind in EVENTS.items():
         data = ', '.join(f'`{key}`' for key in kind.keys)
         lines.append(f'| `{name}` | {data} | {kind.by} | {"yes" if kind.changes_run else ""} | {kind.meaning} |')
