@@ -23,6 +23,7 @@ from .parameters import (
     Value,
 )
 from ..chain.quantities import QUANTITIES
+from ..chain.section import clipped
 from ..errors import Mistake
 
 
@@ -181,8 +182,14 @@ def _descriptor(row: Row) -> ParameterDescriptor:
 
 
 def _warn_of_unknown(node, given, known) -> None:
-    """Warn of a parameter that looks like a typing mistake; others may be for other nodes of a shared file."""
+    """Warn of a parameter that looks like a typing mistake; list the others, perhaps of nodes that share a file."""
+    others = []
     for name in given:
-        close = get_close_matches(name, known, n=1)
-        if close and name not in known:
+        if name in known or node.has_parameter(name) or name.startswith('qos_overrides.'):
+            continue
+        if close := get_close_matches(name, known, n=1):
             node.get_logger().warning(f"parameter '{name}' is not known and has no effect, did you mean '{close[0]}'?")
+        else:
+            others.append(name)
+    if others:
+        node.get_logger().info(f'parameters that are not known and have no effect: {clipped(", ".join(others), 300)}')
