@@ -40,7 +40,7 @@ def main():
     end = monotonic() + options.seconds
     try:
         while monotonic() < end:
-            rclpy.spin_once(node, timeout_sec=max(0.0, end - monotonic()))
+            rclpy.spin_once(node, timeout_sec=min(0.1, max(0.0, end - monotonic())))    # Ctrl-C waits for its end
             for event in events:
                 if event['kind'] == 'rejected' and event['data']['topic'].endswith('simulator/wrench'):
                     parser.error(f"the simulator refuses the push: {event['data']['reason']}")

@@ -35,7 +35,7 @@ def test_markers_of_base_link_are_flat_and_no_description_is_published():
 def test_a_frame_that_is_no_link_is_told():
     with simulator(frame_id='map', publish_markers=True) as process:
         line = process.wait_for("parameter 'frame_id' is 'map', not a link of the robot")
-        assert "drawn in it as in 'world'" in line
+        assert "markers are drawn as in 'world'" in line
         assert process.stop() == 0, process.output
 
 
