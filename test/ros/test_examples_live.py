@@ -4,7 +4,6 @@ from pathlib import Path
 
 from live import Peer, Process, run, simulator
 import pytest
-from std_msgs.msg import String
 
 EXAMPLES = Path(__file__).resolve().parents[2] / 'examples'
 
@@ -35,10 +34,11 @@ def test_a_mistake_is_told_by_the_example(node, example, arguments, sentence):
 
 
 def test_ctrl_c_ends_a_push(node):
-    with Peer() as peer, Process('push', 'forearm', 5, 0, '--seconds', 1000, cwd=EXAMPLES) as push:
-        events = peer.listen(String, 'simulator/events')
-        push.wait_for('pushing')
-        peer.until(lambda: any('"wrench"' in event.data for event in events), 'a push')
-        assert push.stop() == 0 and 'Traceback' not in push.output, push.output
-        peer.until(lambda: [json.loads(event.data)['data']['force'] for event in events
+    with Peer() as peer:
+        peer.meet()   # an event that is sent before the two have met is never seen
+        with Process('push', 'forearm', 5, 0, '--seconds', 1000, cwd=EXAMPLES) as push:
+            push.wait_for('pushing')
+            peer.until(lambda: any('"wrench"' in event.data for event in peer.events), 'a push')
+            assert push.stop() == 0 and 'Traceback' not in push.output, push.output
+        peer.until(lambda: [json.loads(event.data)['data']['force'] for event in peer.events
                             if '"wrench"' in event.data][-1] == [0.0, 0.0], 'its end')
