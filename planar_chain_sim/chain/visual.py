@@ -12,8 +12,9 @@ from .section import plain, shown, suggestion
 from .tree import BASE, Body, Tree
 
 KEYS = ('length', 'color')
-COLORS = ((0.043, 0.431, 0.600), (0.851, 0.451, 0.051), (0.267, 0.518, 0.380), (0.565, 0.396, 0.690),
-          (0.757, 0.298, 0.541), (0.796, 0.569, 0.184), (0.471, 0.467, 0.455))
+# As far apart as seven can be for readers with all kinds of colour vision, on white and on dark paper: test_visual.
+COLORS = ((0.196, 0.416, 0.6), (0.808, 0.592, 0.161), (0.361, 0.686, 0.682), (0.475, 0.392, 0.4),
+          (0.565, 0.541, 0.929), (0.639, 0.294, 0.102), (0.627, 0.643, 0.518))
 NAMES = {'black': '#000000', 'silver': '#c0c0c0', 'gray': '#808080', 'grey': '#808080', 'white': '#ffffff',
          'maroon': '#800000', 'red': '#ff0000', 'purple': '#800080', 'fuchsia': '#ff00ff', 'green': '#008000',
          'lime': '#00ff00', 'olive': '#808000', 'yellow': '#ffff00', 'navy': '#000080', 'blue': '#0000ff',

@@ -91,3 +91,36 @@ def test_a_look_changes_no_bit_of_the_motion():
     plain, drawn = two_links(), two_links(length=3.0, color='teal')
     first, second = (pcs.rollout(chain, 0.2) for chain in (plain, drawn))
     assert np.array_equal(first.position, second.position)
+
+
+# Machado, Oliveira, Fernandes 2009: what readers without red, green or blue cones see, in linear RGB.
+VISION = {'all cones': np.eye(3),
+          'no red': [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],
+          'no green': [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413],
+                       [-0.011820, 0.042940, 0.968881]],
+          'no blue': [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602],
+                      [0.004733, 0.691367, 0.303900]]}
+XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])   # of linear sRGB
+
+
+def linear(colors):
+    colors = np.array(colors)
+    return np.where(colors <= 0.04045, colors / 12.92, ((colors + 0.055) / 1.055)**2.4)
+
+
+@pytest.mark.parametrize('vision', VISION)
+def test_every_reader_can_tell_the_colours_apart(vision):
+    """The distances in CIELAB; about 2 is the least that is seen at all."""
+    seen = np.clip(linear(COLORS) @ np.transpose(VISION[vision]), 0.0, 1.0) @ XYZ.T / XYZ.sum(axis=1)
+    x, y, z = np.where(seen > (6 / 29)**3, np.cbrt(seen), seen * 841 / 108 + 4 / 29).T
+    lab = np.stack([116 * y, 500 * (x - y), 200 * (y - z)], axis=1)
+    apart = np.linalg.norm(lab[:, None] - lab, axis=2)[np.triu_indices(len(COLORS), 1)]
+    assert apart.min() > 19.0
+
+
+@pytest.mark.parametrize('paper, least', [('#ffffff', 2.5), ('#14181d', 3.0)])
+def test_the_colours_stand_out_from_light_and_dark_paper(paper, least):
+    """By the contrast ratio of WCAG 2."""
+    ink, ground = (linear(colors) @ XYZ[1] + 0.05 for colors in (
+        COLORS, [int(paper[k:k + 2], 16) / 255 for k in (1, 3, 5)]))
+    assert (np.maximum(ink, ground) / np.minimum(ink, ground)).min() > least
