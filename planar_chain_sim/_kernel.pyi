@@ -57,7 +57,8 @@ class StateBatch:
 
 class Tableau:
     def __init__(self, stages: int, a: Sequence[float], b: Sequence[float], error: Sequence[float],
-                 dense_a: Sequence[float], dense: Sequence[float], c: Sequence[float], gamma: float) -> None: ...
+                 interpolation_a: Sequence[float], interpolation: Sequence[float], c: Sequence[float],
+                 gamma: float) -> None: ...
 
 class MethodData:
     def __init__(self, family: str, order: int, adaptive: bool, tolerance: float, fixed: float = ...,

@@ -78,9 +78,10 @@ PYBIND11_MODULE(_kernel, module) {
       .def("accelerations", &StateBatch::accelerations);
 
   py::class_<pc::Tableau>(module, "Tableau")
-      .def(py::init([](int stages, std::vector<double> a, std::vector<double> b, std::vector<double> error,
-                       std::vector<double> dense_a, std::vector<double> dense, std::vector<double> c,
-                       double gamma) { return pc::Tableau{stages, a, b, error, dense_a, dense, c, gamma}; }));
+      .def(py::init(
+          [](int stages, std::vector<double> a, std::vector<double> b, std::vector<double> error,
+             std::vector<double> interpolation_a, std::vector<double> interpolation, std::vector<double> c,
+             double gamma) { return pc::Tableau{stages, a, b, error, interpolation_a, interpolation, c, gamma}; }));
 
   py::class_<pc::MethodData>(module, "MethodData")
       .def(py::init([](std::string family, int order, bool adaptive, double tolerance, double fixed,

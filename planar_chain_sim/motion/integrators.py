@@ -21,11 +21,11 @@ class Method:
     `family`: a name of the kernel's FAMILIES; ValueError for another. `order`: of the global error; None where it
     follows from the tolerance. `a` (stages, stages) and `b` (stages,): Butcher tableau of a Runge-Kutta method;
     strictly lower triangular where that is explicit. An adaptive one has `error`, one or two rows (stages + 1,): b less
-    the weights of the embedded methods, of which the last acts on the derivative at the step's end. Its dense output is
-    the cubic Hermite polynomial and, beyond that, `dense`, rows of
-    terms in the order of Hairer's codes, (stages + 1 + extra,), over the stages, the end, and extra stages that have
-    their rows in `dense_a`. A Rosenbrock method has `a`, `c` and `gamma` in the variables of Hairer, Wanner, Solving
-    ODEs II, (IV.7.25), and `error`, one row, and `dense` over its stages (stages,).
+    the weights of the embedded methods, of which the last acts on the derivative at the step's end. Within a step it is
+    interpolated (Hairer calls that dense output) by the cubic Hermite polynomial and, beyond that, `interpolation`,
+    rows of terms in the order of Hairer's codes, (stages + 1 + extra,), over the stages, the end, and extra stages that
+    have their rows in `interpolation_a`. A Rosenbrock method has `a`, `c` and `gamma` in the variables of Hairer,
+    Wanner, Solving ODEs II, (IV.7.25), and `error`, one row, and `interpolation` over its stages (stages,).
     """
 
     name: str
@@ -37,8 +37,8 @@ class Method:
     a: tuple = ()
     b: tuple = ()
     error: tuple = ()
-    dense_a: tuple = ()
-    dense: tuple = ()
+    interpolation_a: tuple = ()
+    interpolation: tuple = ()
     c: tuple = ()
     gamma: float = 0.0
 
@@ -80,9 +80,9 @@ class Method:
     @cached_property
     def tableau(self) -> _kernel.Tableau:
         """The coefficients for the kernel, matrices row by row."""
-        a, b, error, dense_a, dense, c = ([x for row in rows for x in row] for rows in (
-            self.a, (self.b,), self.error, self.dense_a, self.dense, self.c))
-        return _kernel.Tableau(len(self.b), a, b, error, dense_a, dense, c, self.gamma)
+        a, b, error, interpolation_a, interpolation, c = ([x for row in rows for x in row] for rows in (
+            self.a, (self.b,), self.error, self.interpolation_a, self.interpolation, self.c))
+        return _kernel.Tableau(len(self.b), a, b, error, interpolation_a, interpolation, c, self.gamma)
 
     def __getstate__(self) -> dict:
         return {entry.name: getattr(self, entry.name) for entry in fields(self)}  # all else can be computed again
@@ -110,7 +110,7 @@ METHODS = Methods({method.name: method for method in (
            conserves='nothing exactly: the energy of a free arm drifts slowly, by O(step^4) over a fixed time'),
     Method('dop853', 'explicit Runge-Kutta', 8, True,
            a=tableaux.DOP853_A, b=tableaux.DOP853_B, error=tableaux.DOP853_ERROR,
-           dense_a=tableaux.DOP853_DENSE_A, dense=tableaux.DOP853_DENSE,
+           interpolation_a=tableaux.DOP853_INTERPOLATION_A, interpolation=tableaux.DOP853_INTERPOLATION,
            citation='P. J. Prince, J. R. Dormand, J. Comput. Appl. Math. 7 (1981), 67-75; '
                     'Hairer, Norsett, Wanner, Solving ODEs I, II.5, II.6, II.10, code DOP853',
            conserves='nothing exactly: energy within the tolerance, with an error that grows with time'),
@@ -129,7 +129,7 @@ METHODS = Methods({method.name: method for method in (
                      'joint rates are not momenta'),
     Method('rodas5p', 'Rosenbrock', 5, True,
            a=tableaux.RODAS5P_A, b=tableaux.RODAS5P_B, c=tableaux.RODAS5P_C, gamma=tableaux.RODAS5P_GAMMA,
-           error=tableaux.RODAS5P_ERROR, dense=tableaux.RODAS5P_DENSE,
+           error=tableaux.RODAS5P_ERROR, interpolation=tableaux.RODAS5P_INTERPOLATION,
            citation='G. Steinebach, BIT Numerical Mathematics 63 (2023), 27; Hairer, Wanner, Solving ODEs II, IV.7',
            conserves='nothing: L-stable and stiffly accurate, it damps what is too fast for its steps, and energy '
                      'changes within the tolerance'),

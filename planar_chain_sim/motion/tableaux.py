@@ -10,8 +10,8 @@ def rows_of(width: int, *rows: tuple) -> tuple:
     return tuple(tuple(row) + (0.0,) * (width - len(row)) for row in rows)
 
 
-# Dormand and Prince of order 8, error estimates of orders 5 and 3, dense output of order 7: Hairer, Norsett, Wanner,
-# Solving ODEs I, II.5 and II.6, code DOP853. Row 13 of the dense output's stages is the derivative at the step's end.
+# Dormand and Prince of order 8, error estimates of orders 5 and 3, interpolation of order 7: Hairer, Norsett, Wanner,
+# Solving ODEs I, II.5 and II.6, code DOP853. Row 13 of the interpolation's stages is the derivative at the step's end.
 DOP853_A = rows_of(
     12,
     (),
@@ -39,7 +39,7 @@ DOP853_ERROR = rows_of(
      -0.35032884874997366, 0.3341791187130175, 0.08192320648511571, -0.022355307863886294),
     (-0.18980075407240762, 0.0, 0.0, 0.0, 0.0, 4.450312892752409, 1.8915178993145003, -5.801203960010585,
      -0.4226823213237919, -0.1521609496625161, 0.20136540080403034, 0.02265179219836082))
-DOP853_DENSE_A = rows_of(
+DOP853_INTERPOLATION_A = rows_of(
     16,
     (0.056167502283047954, 0.0, 0.0, 0.0, 0.0, 0.0, 0.25350021021662483, -0.2462390374708025, -0.12419142326381637,
      0.15329179827876568, 0.00820105229563469, 0.007567897660545699, -0.008298),
@@ -47,7 +47,7 @@ DOP853_DENSE_A = rows_of(
      0.0, -0.00010834732869724932, 0.0003825710908356584, -0.00034046500868740456, 0.1413124436746325),
     (-0.42889630158379194, 0.0, 0.0, 0.0, 0.0, -4.697621415361164, 7.683421196062599, 4.06898981839711,
      0.3567271874552811, 0.0, 0.0, 0.0, -0.0013990241651590145, 2.9475147891527724, -9.15095847217987))
-DOP853_DENSE = rows_of(
+DOP853_INTERPOLATION = rows_of(
     16,
     (-8.428938276109013, 0.0, 0.0, 0.0, 0.0, 0.5667149535193777, -3.0689499459498917, 2.38466765651207,
      2.117034582445028, -0.871391583777973, 2.2404374302607883, 0.6315787787694688, -0.08899033645133331,
@@ -62,7 +62,7 @@ DOP853_DENSE = rows_of(
      93.40532418362432, -37.45832313645163, 104.0996495089623, 29.8402934266605, -43.53345659001114,
      96.32455395918828, -39.17726167561544, -149.72683625798564))
 
-# Steinebach's Rosenbrock method Rodas5P of order 5, with an error estimate (the last stage) and dense output of order
+# Steinebach's Rosenbrock method Rodas5P of order 5, with an error estimate (the last stage) and interpolation of order
 # 4, in the variables u = (gamma_ij) k: BIT Numerical Mathematics 63 (2023), 27.
 RODAS5P_GAMMA = 0.21193756319429014
 RODAS5P_A = rows_of(
@@ -90,7 +90,7 @@ RODAS5P_C = rows_of(
      -28.087943162872662),
     (37.80277123390563, -3.2571969029072276, 112.26918849496327, 66.9347231244047, -40.06618937091002,
      -54.66780262877968, -9.48861652309627))
-RODAS5P_DENSE = rows_of(
+RODAS5P_INTERPOLATION = rows_of(
     8,
     (25.948786856663858, -2.5579724845846235, 10.433815404888879, -2.3679251022685204, 0.524948541321073,
      1.1241088310450404, 0.4272876194431874, -0.17202221070155493),

@@ -37,7 +37,7 @@ def text_of(simulation, effort):
             words += [k, getattr(joint, law)] + ([joint.rest] if law == 'stiffness' else [])
     words += [row.family.replace(' ', '- '), row.order or taylor_order(simulation.tolerance), int(row.adaptive),
               simulation.tolerance or 0.0, len(row.b)]
-    for part in (row.a, (row.b,), row.error, row.dense_a, row.dense, row.c):
+    for part in (row.a, (row.b,), row.error, row.interpolation_a, row.interpolation, row.c):
         numbers = [float(x) for line in part for x in line]
         words += [len(numbers), *numbers]
     words += [row.gamma, simulation.step, int(simulation.form == 'dense')]

@@ -190,7 +190,7 @@ def test_what_the_kernel_refuses_counts_no_tick():
 
 
 @pytest.mark.parametrize('seed', range(60))
-def test_linearize_is_the_solution_by_a_dense_solver(seed):
+def test_linearize_is_the_solution_by_a_general_solver(seed):
     """Twin: H^-1 (-K, -C, 1) by LAPACK; two stable solutions differ by cond(H) eps of the largest number in them."""
     chain = random_tree(seed, bodies=1 + seed % 30)
     position, velocity, effort = random_state(chain, seed)

@@ -53,8 +53,8 @@ int main() {
   method.family = *known;
   method.order = integer(), method.adaptive = integer() != 0, method.tolerance = number();
   method.tableau.stages = integer();
-  for (auto* part : {&method.tableau.a, &method.tableau.b, &method.tableau.error, &method.tableau.dense_a,
-                     &method.tableau.dense, &method.tableau.c})
+  for (auto* part : {&method.tableau.a, &method.tableau.b, &method.tableau.error, &method.tableau.interpolation_a,
+                     &method.tableau.interpolation, &method.tableau.c})
     *part = numbers();
   method.tableau.gamma = number();
   const double step = number();

@@ -266,19 +266,19 @@ def test_a_name_that_is_no_family_is_an_error():
     ('tolerance', {'tolerance': 1.0}), ('tolerance', {'tolerance': np.nan}), ('gamma', {'gamma': 0.0}),
     ('gamma', {'gamma': np.inf}), ('stages', {'stages': 65}), ('tableau', {'stages': -1}), ('tableau', {'stages': 3}),
     ('tableau', {'a': [np.nan] * 4}), ('tableau', {'a': [0.0] * 3}), ('tableau', {'b': [1.0]}),
-    ('tableau', {'error': []}), ('tableau', {'c': [0.0]}), ('tableau', {'dense': [0.0] * 3}),
-    ('tableau', {'dense': [0.0] * 2}), ('adaptive', {'adaptive': False}),
+    ('tableau', {'error': []}), ('tableau', {'c': [0.0]}), ('tableau', {'interpolation': [0.0] * 3}),
+    ('tableau', {'interpolation': [0.0] * 2}), ('adaptive', {'adaptive': False}),
     ('adaptive', {'family': 'Gauss'}), ('adaptive', {'family': 'semi-implicit'}),
     ('tableau', {'family': 'Gauss', 'adaptive': False, 'a': []}),
     ('tableau', {'family': 'explicit Runge-Kutta', 'adaptive': False, 'a': [0.0, 1.0, 0.0, 0.0]}),
-    ('tableau', {'family': 'explicit Runge-Kutta', 'error': [0.0] * 3, 'dense_a': [0.0] * 5}),
+    ('tableau', {'family': 'explicit Runge-Kutta', 'error': [0.0] * 3, 'interpolation_a': [0.0] * 5}),
     ('tableau', {'family': 'explicit Runge-Kutta', 'error': [0.0] * 2}),
-    ('tableau', {'family': 'explicit Runge-Kutta', 'error': [0.0] * 3, 'dense': [0.0] * 4}),
+    ('tableau', {'family': 'explicit Runge-Kutta', 'error': [0.0] * 3, 'interpolation': [0.0] * 4}),
 ])
 def test_numbers_of_a_method_that_do_not_fit_each_other_make_no_stepper(word, settings):
     """Each differs a little from an accepted one: the kernel computes from these numbers where it reads rows."""
-    good = {'stages': 2, 'a': [0.0, 0.0, 1.0, 0.0], 'b': [0.5, 0.5], 'error': [0.0] * 2, 'dense_a': [],
-            'dense': [0.0] * 4, 'c': [0.0] * 4, 'gamma': 0.3}
+    good = {'stages': 2, 'a': [0.0, 0.0, 1.0, 0.0], 'b': [0.5, 0.5], 'error': [0.0] * 2, 'interpolation_a': [],
+            'interpolation': [0.0] * 4, 'c': [0.0] * 4, 'gamma': 0.3}
     method = {'family': 'Rosenbrock', 'order': 6, 'adaptive': True, 'tolerance': 1e-6, 'fixed': 0.0}
 
     def make(**changes):

@@ -1,4 +1,4 @@
-"""Order, error control, dense output and repeatability of every row of METHODS."""
+"""Order, error control, interpolation and repeatability of every row of METHODS."""
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
@@ -21,7 +21,7 @@ TIME = 1.0
 OF_ONE_ORDER = [name for name, row in pcs.METHODS.items() if row.order]
 ADAPTIVE = [name for name, row in pcs.METHODS.items() if row.adaptive]
 STEPS = {1: 1024, 4: 128, 5: 256, 6: 32, 8: 32}   # coarsest for the order: errors from 1e-3 down to 1e-12
-DENSE_ORDER = {'dop853': 7, 'rodas5p': 4, 'dopri5': 4, 'bare dopri5': 3}
+INTERPOLATION_ORDER = {'dop853': 7, 'rodas5p': 4, 'dopri5': 4, 'bare dopri5': 3}
 # Dormand and Prince (1980), with its derivative at the end in the error estimate, as a user would add it: one row.
 DOPRI5 = Method('dopri5', 'explicit Runge-Kutta', 5, True, '', '', a=(
     (0, 0, 0, 0, 0, 0), (1 / 5, 0, 0, 0, 0, 0), (3 / 40, 9 / 40, 0, 0, 0, 0), (44 / 45, -56 / 15, 32 / 9, 0, 0, 0),
@@ -29,9 +29,9 @@ DOPRI5 = Method('dopri5', 'explicit Runge-Kutta', 5, True, '', '', a=(
     (9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656, 0)),
     b=(35 / 384, 0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84),
     error=((71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40),),
-    dense=((-12715105075 / 11282082432, 0, 87487479700 / 32700410799, -10690763975 / 1880347072,
-            701980252875 / 199316789632, -1453857185 / 822651844, 69997945 / 29380423),))
-BARE_DOPRI5 = replace(DOPRI5, name='bare dopri5', dense=())
+    interpolation=((-12715105075 / 11282082432, 0, 87487479700 / 32700410799, -10690763975 / 1880347072,
+                    701980252875 / 199316789632, -1453857185 / 822651844, 69997945 / 29380423),))
+BARE_DOPRI5 = replace(DOPRI5, name='bare dopri5', interpolation=())
 
 
 def exact_state(time, chain=CHAIN, effort=None):
@@ -48,7 +48,7 @@ def stepper_of(row, tick, tolerance=1e-9, fixed=0.0):
 
 
 def state_by_given_steps(row, steps, at=TIME):
-    """State (2, joints) at `at` s by steps of TIME / steps; between their ends by dense output."""
+    """State (2, joints) at `at` s by steps of TIME / steps; between their ends by interpolation."""
     length = TIME / steps
     stepper = stepper_of(row, TIME if row.adaptive else length, fixed=length)
     if row.adaptive:
@@ -71,9 +71,9 @@ def test_measured_order(row):
 
 @pytest.mark.parametrize('row', [pcs.METHODS['dop853'], pcs.METHODS['rodas5p'], DOPRI5, BARE_DOPRI5],
                          ids=lambda row: row.name)
-def test_measured_order_of_dense_output(row):
-    """Inside one step the error falls with one power more than the order of its dense output."""
-    order, errors = DENSE_ORDER[row.name], []
+def test_measured_order_of_interpolation(row):
+    """Inside one step the error falls with one power more than the order of its interpolation."""
+    order, errors = INTERPOLATION_ORDER[row.name], []
     lengths = np.array([1 / 16, 1 / 32, 1 / 64]) / (4 if order < 7 else 1)
     for length in lengths:
         places = length * np.linspace(0.1, 0.9, 9)
@@ -106,13 +106,13 @@ def test_no_evaluation_is_thrown_away(row):
     """
     An explicit step costs its stages, the first being the last of the step before, and a rejected one those it had.
 
-    Besides: the very first, one to find a first length, and the stages of dense output where ticks are read.
+    Besides: the very first, one to find a first length, and the stages of interpolation where ticks are read.
     """
-    for tick, dense in ((1e-4, True), (TIME, False)):
+    for tick, reads_ticks in ((1e-4, True), (TIME, False)):
         stepper = stepper_of(row, tick)
         stepper.advance(round(TIME / tick), None, None)
         evaluations, steps, rejected, _ = stepper.counts
-        extra = len(row.dense_a) * (steps if dense else 1)
+        extra = len(row.interpolation_a) * (steps if reads_ticks else 1)
         in_rejected = len(row.b) - 1 + (row is DOPRI5)
         assert evaluations == 2 + len(row.b) * steps + in_rejected * rejected + extra
         assert rejected > 0 or row is DOPRI5
@@ -124,7 +124,7 @@ def test_dop853_is_the_published_tableau():
     row, fixed = pcs.METHODS['dop853'], pcs.METHODS['dop853_fixed']
     assert np.array_equal(row.a, published.A[:12, :12]) and np.array_equal(row.b, published.B)
     assert np.array_equal(row.error, [published.E5, published.E3])
-    assert np.array_equal(row.dense_a, published.A[13:]) and np.array_equal(row.dense, published.D)
+    assert np.array_equal(row.interpolation_a, published.A[13:]) and np.array_equal(row.interpolation, published.D)
     assert (fixed.a, fixed.b) == (row.a, row.b)
 
 

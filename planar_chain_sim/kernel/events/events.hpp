@@ -94,7 +94,7 @@ class EventDriven final : public Integrator {
   // Takes over which joints stand and slide from `other`, whose chain has the same joints.
   void adopt(const EventDriven& other) {
     holding_.standing = other.holding_.standing, holding_.sign = other.holding_.sign;
-    holding_.places = other.holding_.places, effort_.held = other.effort_.held;
+    holding_.places = other.holding_.places, effort_.actuator = other.effort_.actuator;
     standing_at_ = other.standing_at_;
     under_way_ = changed_ = other.under_way_;
   }
@@ -104,7 +104,7 @@ class EventDriven final : public Integrator {
   void save(std::vector<double>& all) const override {
     all.push_back(static_cast<double>(Kept::events)), all.push_back(!under_way_ ? 0.0 : changed_ ? 2.0 : 1.0);
     if (!under_way_) return;
-    all.insert(all.end(), effort_.held.begin(), effort_.held.end());
+    all.insert(all.end(), effort_.actuator.begin(), effort_.actuator.end());
     for (int j = 0; j < joints_; ++j) all.push_back(holding_.standing[j] ? 1.0 : 0.0), all.push_back(holding_.sign[j]);
     for (const auto* part : {&effort_.excess, &standing_at_.position, &standing_at_.position_remainder})
       all.insert(all.end(), part->begin(), part->end());
@@ -116,7 +116,7 @@ class EventDriven final : public Integrator {
     if (!kept.is(Kept::events) || !kept.whole(status, 0, 2)) return false;
     under_way_ = status != 0, changed_ = status == 2;
     if (!under_way_) return kept.left() == 0;
-    if (!kept.numbers(effort_.held)) return false;
+    if (!kept.numbers(effort_.actuator)) return false;
     for (int j = 0; j < joints_; ++j) {
       bool stands;
       if (!kept.whole(stands, 0, 1) || !kept.whole(holding_.sign[j], -1, 1)) return false;
@@ -163,15 +163,15 @@ class EventDriven final : public Integrator {
 
   // Goes to the next tick, if no effort changes and the step has been searched that far without an event.
   bool coast(std::int64_t tick, double from, JointState& state, const double* actuator) {
-    if (!under_way_ || changed_ || !are_held(actuator)) return false;
+    if (!under_way_ || changed_ || !are_unchanged(actuator)) return false;
     if (!watched_.motion()) return true;  // everything stands
     if (!watched_.coast(tick, from)) return false;
     part_.scatter(watched_.located, state);
     return true;
   }
 
-  bool are_held(const double* actuator) const {
-    return std::memcmp(effort_.held.data(), actuator, effort_.held.size() * sizeof(double)) == 0;
+  bool are_unchanged(const double* actuator) const {
+    return std::memcmp(effort_.actuator.data(), actuator, effort_.actuator.size() * sizeof(double)) == 0;
   }
 
   // Goes from `from` to `to` s behind `tick`; false, with the state unchanged, if that fails.
@@ -190,9 +190,9 @@ class EventDriven final : public Integrator {
 
   // If efforts or the state have changed, decides again which joints stand and slide.
   bool begin(std::int64_t tick, double offset, JointState& state, const double* actuator, Progress& progress) {
-    if (under_way_ && !changed_ && are_held(actuator)) return true;
+    if (under_way_ && !changed_ && are_unchanged(actuator)) return true;
     if (!under_way_) std::fill(holding_.standing.begin(), holding_.standing.end(), false);
-    std::memcpy(effort_.held.data(), actuator, effort_.held.size() * sizeof(double));
+    std::memcpy(effort_.actuator.data(), actuator, effort_.actuator.size() * sizeof(double));
     const bool known = under_way_;
     under_way_ = true, changed_ = false;
     watched_.violated.clear();
@@ -259,7 +259,7 @@ class EventDriven final : public Integrator {
   // too.
   bool settle(std::int64_t tick, double offset, JointState& state, bool known, Progress& progress) {
     std::vector<std::pair<int, double>> touched;
-    const bool good = holding_.collide(state, effort_.held.data(), touched, progress);
+    const bool good = holding_.collide(state, effort_.actuator.data(), touched, progress);
     for (const auto& [joint, speed] : touched) note({tick, offset, EventKind::touched, joint, speed});
     const std::vector<bool> stood = holding_.standing;
     if (!good || !decide(state, progress)) return false;
@@ -276,7 +276,7 @@ class EventDriven final : public Integrator {
   // compared with the numbers that the watches will use. A joint that broke away does slide.
   bool decide(JointState& state, Progress& progress) {
     const std::vector<Watch> was = watched_.watches;
-    if (!holding_.decide(state, effort_.held.data(), progress)) return false;
+    if (!holding_.decide(state, effort_.actuator.data(), progress)) return false;
     enum Choice : char { open, slides, stands };
     std::vector<Choice> choice(static_cast<std::size_t>(joints_), open);
     std::fill(effort_.excess.begin(), effort_.excess.end(), 0.0);
@@ -284,8 +284,9 @@ class EventDriven final : public Integrator {
       holding_.standing[j] = false, holding_.sign[j] = sign, choice[j] = slides;
     };
     for (int w : watched_.violated)
-      if ((was[w].kind == Watch::held_up || was[w].kind == Watch::held_down) && state.velocity[was[w].joint] == 0.0)
-        let_slide(was[w].joint, was[w].kind == Watch::held_up ? -1.0 : 1.0);
+      if ((was[w].kind == Watch::lambda_below_most || was[w].kind == Watch::lambda_above_least) &&
+          state.velocity[was[w].joint] == 0.0)
+        let_slide(was[w].joint, was[w].kind == Watch::lambda_below_most ? -1.0 : 1.0);
     standing_at_ = state;
     for (bool changed = true; changed;) {
       make_part();
@@ -329,7 +330,7 @@ class EventDriven final : public Integrator {
     }
     for (int k = 0; k < part_.moving(); ++k) {
       const int j = part_.joint_of(k);
-      part_.effort[k] = effort_.held[j] - holding_.friction[j] * holding_.sign[j];
+      part_.effort[k] = effort_.actuator[j] - holding_.friction[j] * holding_.sign[j];
     }
   }
 

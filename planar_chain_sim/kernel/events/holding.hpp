@@ -70,8 +70,8 @@ class Holding {
   double most(int j) const { return on_lower(j, places[j]) ? infinity : friction[j]; }
 
   // Impacts of all joints that are on a stop and move into it, together; `touched` gets these joints and their speeds.
-  // `held`: efforts of the actuators.
-  bool collide(JointState& state, const double* held, std::vector<std::pair<int, double>>& touched,
+  // `actuator`: efforts of the actuators.
+  bool collide(JointState& state, const double* actuator, std::vector<std::pair<int, double>>& touched,
                Progress& progress) {
     bool approaches = false;
     for (int j = 0; j < joints_; ++j) {
@@ -79,7 +79,7 @@ class Holding {
       approaches = approaches || n * state.velocity[j] < 0.0;
     }
     if (!approaches) return true;
-    if (!factorise(state, held, progress)) return false;
+    if (!factorise(state, actuator, progress)) return false;
     // A joint that an impact throws at its stop, and that is there at once, has its own impact and may throw others.
     for (int rounds = 0; rounds < 2 * most_rounds && find_touching(state, rounds > 0, touched); ++rounds) {
       if (rounds < most_rounds && gentle(state)) {
@@ -109,7 +109,7 @@ class Holding {
 
   // Which of the joints without rate stand, and which way the others with friction slide. Rounding may make this wrong;
   // the caller checks it by the accelerations of the moving part.
-  bool decide(const JointState& state, const double* held, Progress& progress) {
+  bool decide(const JointState& state, const double* actuator, Progress& progress) {
     still.clear();
     for (int j = 0; j < joints_; ++j) {
       sign[j] = state.velocity[j] > 0.0 ? 1.0 : state.velocity[j] < 0.0 ? -1.0 : 0.0;
@@ -118,7 +118,7 @@ class Holding {
     places = state.position;
     std::fill(standing.begin(), standing.end(), false);
     if (still.empty()) return true;
-    if (!factorise(state, held, progress)) return false;
+    if (!factorise(state, actuator, progress)) return false;
     const std::size_t count = still.size();
     BoxProblem hold(count);
     for (std::size_t i = 0; i < count; ++i)
@@ -137,8 +137,8 @@ class Holding {
   }
 
   // lambda of the standing joints, in a state with these accelerations: inverse dynamics less the efforts that act.
-  void find_lambda(const JointState& state, const double* acceleration, const double* held, double* lambda) {
-    const double* effort = right_hand_side_.efforts(state, held);
+  void find_lambda(const JointState& state, const double* acceleration, const double* actuator, double* lambda) {
+    const double* effort = right_hand_side_.efforts(state, actuator);
     const JointState& near = right_hand_side_.near();
     recursion_.inverse(near.position.data(), near.velocity.data(), acceleration, true, lambda);
     for (int j = 0; j < joints_; ++j) lambda[j] -= effort[j];
@@ -170,8 +170,8 @@ class Holding {
   }
 
   // Factors of the mass matrix of all joints, and the accelerations that they would have with nothing held.
-  bool factorise(const JointState& state, const double* held, Progress& progress) {
-    const double* effort = right_hand_side_.efforts(state, held);
+  bool factorise(const JointState& state, const double* actuator, Progress& progress) {
+    const double* effort = right_hand_side_.efforts(state, actuator);
     const JointState& near = right_hand_side_.near();
     const int joint = recursion_.evaluate(near.position.data(), near.velocity.data(), effort, acceleration_.data());
     progress.outcome = outcome_of(joint, near.position.data(), joints_), progress.joint = joint;

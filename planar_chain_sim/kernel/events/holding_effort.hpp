@@ -13,14 +13,14 @@ namespace planar_chain {
 
 class HoldingEffort {
  public:
-  std::vector<double> held;                      // the actuators' efforts, while they do not change
+  std::vector<double> actuator;                  // the actuators' efforts, while they do not change
   std::vector<double> lambda, rounding, margin;  // of all joints; margin: by which lambda may exceed its bounds
   std::vector<double> excess;                    // by which it did exceed them when the joint was decided to stand
   std::vector<double> acceleration;              // where it was last found
   JointState full;                               // the state there; the user sets the standing joints
 
   HoldingEffort(Holding& holding, MovingPart& part, int joints)
-      : held(joints), lambda(joints), rounding(joints), margin(joints), excess(joints), acceleration(joints),
+      : actuator(joints), lambda(joints), rounding(joints), margin(joints), excess(joints), acceleration(joints),
         full(joints), holding_(holding), part_(part) {}
 
   // Accelerations of the moving part in one of its states.
@@ -34,7 +34,7 @@ class HoldingEffort {
   void find(const JointState& moved) {
     part_.scatter(moved, full);
     part_.spread(acceleration.data(), static_cast<int>(lambda.size()));
-    holding_.find_lambda(full, acceleration.data(), held.data(), lambda.data());
+    holding_.find_lambda(full, acceleration.data(), actuator.data(), lambda.data());
   }
 
   // After find().

@@ -18,7 +18,7 @@ namespace planar_chain {
 
 // A function that must not become negative.
 struct Watch {
-  enum Kind { above_lower, below_upper, sliding, held_up, held_down } kind;
+  enum Kind { above_lower, below_upper, sliding, lambda_below_most, lambda_above_least } kind;
   int joint, index;  // of the chain, of the moving part
 };
 
@@ -67,8 +67,8 @@ class WatchedMotion {
     for (int j = 0; j < static_cast<int>(holding_.standing.size()); ++j) {
       if (!holding_.standing[j]) continue;
       effort_.full.velocity[j] = effort_.full.velocity_remainder[j] = 0.0;
-      if (holding_.most(j) < Holding::infinity) watches.push_back({Watch::held_up, j, -1});
-      if (holding_.least(j) > -Holding::infinity) watches.push_back({Watch::held_down, j, -1});
+      if (holding_.most(j) < Holding::infinity) watches.push_back({Watch::lambda_below_most, j, -1});
+      if (holding_.least(j) > -Holding::infinity) watches.push_back({Watch::lambda_above_least, j, -1});
       holds_ = true;
     }
     search_.resize(static_cast<int>(watches.size()));
@@ -127,7 +127,7 @@ class WatchedMotion {
       Found found = search_.find(evaluate, searched_, end);
       searched_ = found == Found::crossing ? search_.high : end;
       if (found == Found::crossing) found = locate(progress);
-      if (found == Found::crossing && !motion_->reads_densely()) found = locate_by_steps(progress);
+      if (found == Found::crossing && !motion_->interpolates()) found = locate_by_steps(progress);
       if (found == Found::poor) found = end_step_there(progress);
       if (found == Found::failed) return found;
       into = std::fmin(into, length_);
@@ -140,7 +140,7 @@ class WatchedMotion {
   // A step is searched in panels, no farther ahead than needed; each panel is as long as all before it. The first one
   // is short, for motions that have just begun. A step can be extremely long, as when only gravity acts on a slide.
   double end_of_panel() const {
-    if (!motion_->reads_densely()) return length_;
+    if (!motion_->interpolates()) return length_;
     double end = std::fmin(0.0625 * length_, 4.0 * step_);
     if (end == 0.0) return length_;  // no number is that small
     while (end <= searched_) end *= 2.0;
@@ -149,15 +149,15 @@ class WatchedMotion {
 
   // Prepares the search of a step: the margin of lambda for rounding, and the two ends to interpolate between.
   bool prepare_search(Progress& progress) {
-    if (!motion_->reads_densely() || holds_) {
+    if (!motion_->interpolates() || holds_) {
       if (!state_at(0.0, located, progress) || !effort_.accelerate(located, progress)) return false;
       if (holds_) {
         part_.scatter(located, effort_.full);
-        if (!holding_.factorise(effort_.full, effort_.held.data(), progress)) return false;
+        if (!holding_.factorise(effort_.full, effort_.actuator.data(), progress)) return false;
         effort_.find(located);
         effort_.find_margin();
       }
-      if (motion_->reads_densely()) return true;
+      if (motion_->interpolates()) return true;
       between_.begin(located, part_.acceleration);
       if (!state_at(length_, later_, progress) || !effort_.accelerate(later_, progress)) return false;
       between_.end(later_, part_.acceleration, length_);
@@ -165,9 +165,9 @@ class WatchedMotion {
     return true;
   }
 
-  // later_ <- the state `time` s into the step: by dense output, or else interpolated between its ends.
+  // later_ <- the state `time` s into the step: by the method's interpolation, or else by that between its ends.
   bool read(double time, Progress& progress) {
-    if (motion_->reads_densely()) return state_at(time, later_, progress);
+    if (motion_->interpolates()) return state_at(time, later_, progress);
     between_.read(time, later_);
     return true;
   }
@@ -298,8 +298,8 @@ class WatchedMotion {
       case Watch::above_lower: return (state.position[k] - holding_.lower[j]) + state.position_remainder[k];
       case Watch::below_upper: return (holding_.upper[j] - state.position[k]) - state.position_remainder[k];
       case Watch::sliding: return holding_.sign[j] * (state.velocity[k] + state.velocity_remainder[k]);
-      case Watch::held_up: return (holding_.most(j) - effort_.lambda[j]) + effort_.margin[j];
-      case Watch::held_down: return (effort_.lambda[j] - holding_.least(j)) + effort_.margin[j];
+      case Watch::lambda_below_most: return (holding_.most(j) - effort_.lambda[j]) + effort_.margin[j];
+      case Watch::lambda_above_least: return (effort_.lambda[j] - holding_.least(j)) + effort_.margin[j];
     }
     return 0.0;
   }

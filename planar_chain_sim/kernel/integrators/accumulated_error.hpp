@@ -26,7 +26,7 @@ class AccumulatedError {
   AccumulatedError(int joints, int order, double tick_length)
       : order_(order), tick_length_(tick_length), joints_(joints), first_(first_ticks(tick_length)), from_(joints),
         end_(joints), beside_(joints), work_(joints), off_(joints), carried_(joints), finer_(joints), fresh_(joints),
-        beside_from_(joints), effort_(joints), held_(joints), here_(4 * joints), half_way_(here_), there_(here_),
+        beside_from_(joints), effort_(joints), present_(joints), here_(4 * joints), half_way_(here_), there_(here_),
         slopes_(10 * joints) {
     restart();
   }
@@ -52,9 +52,9 @@ class AccumulatedError {
 
   // Sets the effort of the next ticks.
   void effort(const double* actuator) {
-    if (std::memcmp(held_.data(), actuator, held_.size() * sizeof(double)) == 0) return;
+    if (std::memcmp(present_.data(), actuator, present_.size() * sizeof(double)) == 0) return;
     add_effort();
-    std::copy(actuator, actuator + joints_, held_.begin());
+    std::copy(actuator, actuator + joints_, present_.begin());
   }
 
   // Ticks until the next check.
@@ -75,7 +75,7 @@ class AccumulatedError {
     if (left_ <= 0.0) return stop(), false;
     if (done_ < 0) {
       leave_out();
-      done_ = 0, effort_ = held_;
+      done_ = 0, effort_ = present_;
       if (!quick_) return from_ = state, close_after(1, next, method);
       return keep(here_, state, method), wait(ticks_ / 2), false;
     }
@@ -85,7 +85,7 @@ class AccumulatedError {
     keep(there_, state, method);
     quick_close(state, method);
     std::swap(here_, there_);
-    done_ = 0, effort_ = held_;
+    done_ = 0, effort_ = present_;
     quick_ = quick_fits(least_quick_);
     if (pause()) return true;
     if (quick_) wait(ticks_ / 2);
@@ -140,7 +140,7 @@ class AccumulatedError {
   // Adds the effort of the ticks since the last call.
   void add_effort() {
     const double ticks = static_cast<double>(marked_ - to_go_);
-    for (int i = 0; i < joints_; ++i) effort_[i] += ticks * held_[i];
+    for (int i = 0; i < joints_; ++i) effort_[i] += ticks * present_[i];
     marked_ = to_go_;
   }
 
@@ -181,7 +181,7 @@ class AccumulatedError {
     double *rate = velocity + joints_, *effort = rate + joints_;
     for (int i = 0; i < joints_; ++i) {
       position[i] = state.position[i], velocity[i] = state.velocity[i];
-      rate[i] = acceleration[i], effort[i] = held_[i];
+      rate[i] = acceleration[i], effort[i] = present_[i];
     }
   }
 
@@ -247,7 +247,7 @@ class AccumulatedError {
   template <class Method>
   void quick_close(const JointState& state, Method& method) {
     const double all = static_cast<double>(ticks_);
-    for (int i = 0; i < joints_; ++i) effort_[i] -= held_[i];  // the tick that begins there is not in the group
+    for (int i = 0; i < joints_; ++i) effort_[i] -= present_[i];  // the tick that begins there is not in the group
     const double part = tangent_step(method);
     const bool wrong = !(part <= wrong_part);
     int joint = 0;
@@ -439,7 +439,7 @@ class AccumulatedError {
   JointState fresh_, beside_from_;         // error of the last checked fresh_ticks_ ticks; start with the error
   std::int64_t fresh_ticks_ = 1;
   double fresh_size_ = 0.0, times_ = 1.0;        // size of fresh_, which fades; the factor by which fresh_ is used
-  std::vector<double> effort_, held_;            // sum, then mean, of the group's efforts; the present effort
+  std::vector<double> effort_, present_;         // sum, then mean, of the group's efforts; the present effort
   std::vector<double> here_, half_way_, there_;  // points of the run, see keep()
   std::vector<double> slopes_;                   // the error and the slopes of the tangent map
   double walked_ = 0.0, debt_ = 0.0;             // additional steps; ticks to skip for their cost

@@ -89,7 +89,7 @@ class AdaptiveStep : public Motion {
     return into_step(from) < steps_.length && into <= steps_.length;
   }
 
-  bool reads_densely() const override { return true; }
+  bool interpolates() const override { return true; }
 
   void forget() override { steps_.under_way = keeping_ = false; }
 
@@ -134,7 +134,7 @@ class AdaptiveStep : public Motion {
   virtual Outcome expand(const JointState& base, const double* actuator, double& length, double& proposal, int& joint,
                          bool again) = 0;
 
-  // Prepares dense output; called before the step that starts at `base` is read anywhere but at its end.
+  // Prepares interpolation; called before the step that starts at `base` is read anywhere but at its end.
   virtual Outcome open(const JointState& /*base*/, int& /*joint*/) { return Outcome::good; }
 
   // State at `offset` into the step that starts at `base`, as an unevaluated sum.

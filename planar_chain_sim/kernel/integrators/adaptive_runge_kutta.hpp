@@ -1,4 +1,4 @@
-// Explicit Runge-Kutta steps of their own size with dense output: Hairer, Norsett, Wanner, Solving ODEs I, II.5, II.6.
+// Explicit Runge-Kutta steps of their own size, interpolated: Hairer, Norsett, Wanner, Solving ODEs I, II.5, II.6.
 // The derivative at a step's end is the first of the next one.
 #pragma once
 
@@ -17,9 +17,11 @@ class AdaptiveRungeKutta final : public ErrorControlledStep {
                      double tick_length, double tolerance, double fixed)
       : ErrorControlledStep(chain, form, forces, order, tick_length, tolerance, fixed, width_of(tableau), 0),
         stage_count_(tableau.stages), a_(rows_of(tableau.a, tableau.stages)),
-        error_(rows_of(tableau.error, tableau.stages + 1)), dense_a_(rows_of(tableau.dense_a, width_of(tableau))),
-        dense_(rows_of(tableau.dense, width_of(tableau))), b_(tableau.b, tableau.stages, 0),
-        terms_(3 + dense_.size(), std::vector<double>(2 * static_cast<std::size_t>(joints_))), moved_(terms_[0]) {
+        error_(rows_of(tableau.error, tableau.stages + 1)),
+        interpolation_a_(rows_of(tableau.interpolation_a, width_of(tableau))),
+        interpolation_(rows_of(tableau.interpolation, width_of(tableau))), b_(tableau.b, tableau.stages, 0),
+        terms_(3 + interpolation_.size(), std::vector<double>(2 * static_cast<std::size_t>(joints_))),
+        moved_(terms_[0]) {
     for (const Weights& row : error_) end_weighs_ |= !row.stage.empty() && row.stage.back() == stage_count_;
   }
 
@@ -49,9 +51,9 @@ class AdaptiveRungeKutta final : public ErrorControlledStep {
   // Terms t of y = y_0 + x (t_0 + z (t_1 + x (t_2 + z (t_3 + x (...))))), x = offset / length, z = 1 - x: with
   // t_0 = y_1 - y_0, t_1 = h y_0' - t_0, t_2 = t_0 - h y_1' - t_1, and what the row of the method has beyond.
   Outcome prepare_reading(const JointState& base, int& joint) override {
-    for (std::size_t extra = 0; extra < dense_a_.size(); ++extra) {
+    for (std::size_t extra = 0; extra < interpolation_a_.size(); ++extra) {
       double* derivative = stages_.row(stage_count_ + 1 + static_cast<int>(extra));
-      const Outcome outcome = evaluate(base, length_, dense_a_[extra], derivative, joint);
+      const Outcome outcome = evaluate(base, length_, interpolation_a_[extra], derivative, joint);
       if (outcome != Outcome::good) return outcome;
     }
     const double *whole = stages_.weigh(b_), *first = stages_.row(0), *last = stages_.row(stage_count_);
@@ -60,8 +62,8 @@ class AdaptiveRungeKutta final : public ErrorControlledStep {
       terms_[1][i] = length_ * first[i] - terms_[0][i];
       terms_[2][i] = terms_[0][i] - length_ * last[i] - terms_[1][i];
     }
-    for (std::size_t k = 0; k < dense_.size(); ++k) {
-      const double* sum = stages_.weigh(dense_[k]);
+    for (std::size_t k = 0; k < interpolation_.size(); ++k) {
+      const double* sum = stages_.weigh(interpolation_[k]);
       for (int i = 0; i < 2 * joints_; ++i) terms_[3 + k][i] = length_ * sum[i];
     }
     return Outcome::good;
@@ -93,10 +95,10 @@ class AdaptiveRungeKutta final : public ErrorControlledStep {
     move_by(base, moved_.data(), out);
   }
 
-  // Rows: the method's stages, the end's, those of dense output.
+  // Rows: the method's stages, the end's, those of interpolation.
   static int width_of(const Tableau& tableau) {
-    std::size_t width = tableau.stages + 1;  // dense_a has width - stages - 1 rows of this width
-    while ((width - tableau.stages - 1) * width < tableau.dense_a.size()) ++width;
+    std::size_t width = tableau.stages + 1;  // interpolation_a has width - stages - 1 rows of this width
+    while ((width - tableau.stages - 1) * width < tableau.interpolation_a.size()) ++width;
     return static_cast<int>(width);
   }
 
@@ -109,7 +111,7 @@ class AdaptiveRungeKutta final : public ErrorControlledStep {
   }
 
   const int stage_count_;
-  const std::vector<Weights> a_, error_, dense_a_, dense_;
+  const std::vector<Weights> a_, error_, interpolation_a_, interpolation_;
   const Weights b_, nothing_;
   bool end_weighs_ = false;  // the derivative at the end enters the error estimate
   std::vector<std::vector<double>> terms_;

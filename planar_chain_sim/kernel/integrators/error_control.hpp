@@ -31,7 +31,7 @@ class ErrorControlledStep : public AdaptiveStep {
   // be evaluated at its end.
   virtual Outcome attempt(const JointState& base, double& error, int& joint) = 0;
 
-  // Computes the terms of dense output, before the last step is first read.
+  // Computes the terms of interpolation, before the last step is first read.
   virtual Outcome prepare_reading(const JointState& base, int& joint) = 0;
 
   Outcome evaluate(const JointState& base, double step, const Weights& weights, double* derivative, int& joint) {

@@ -83,7 +83,7 @@ class FixedStep : public Motion {
     return step(from_, actuator_.data(), into, out, joint);
   }
 
-  bool reads_densely() const override { return false; }
+  bool interpolates() const override { return false; }
 
  protected:
   // One step of `length` s.

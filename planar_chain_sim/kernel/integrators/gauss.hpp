@@ -22,8 +22,9 @@ class Gauss final : public FixedStep {
       : FixedStep(forces, chain.joint_count, order, step, 0.0), form_(form), right_hand_side_(chain, forces),
         length_(step), joints_(chain.joint_count), stages_(tableau.stages), a_(tableau.a), b_(tableau.b),
         a_position_(a_.size()), b_position_(b_.size()), node_(b_.size()),
-        accelerations_(static_cast<std::size_t>(stages_) * joints_), held_(joints_), past_(2 * accelerations_.size()),
-        position_(joints_), way_(joints_), velocity_(joints_), acceleration_(joints_) {
+        accelerations_(static_cast<std::size_t>(stages_) * joints_), last_effort_(joints_),
+        past_(2 * accelerations_.size()), position_(joints_), way_(joints_), velocity_(joints_),
+        acceleration_(joints_) {
     for (int i = 0; i < stages_; ++i)
       for (int l = 0; l < stages_; ++l) {
         node_[i] += a_[i * stages_ + l];
@@ -41,7 +42,7 @@ class Gauss final : public FixedStep {
   void save(std::vector<double>& all) const override {
     all.push_back(static_cast<double>(Kept::gauss)), all.push_back(known_);
     if (known_ == 0) return;
-    all.insert(all.end(), held_.begin(), held_.end());
+    all.insert(all.end(), last_effort_.begin(), last_effort_.end());
     all.insert(all.end(), past_.begin(), past_.begin() + known_ * static_cast<std::ptrdiff_t>(accelerations_.size()));
   }
 
@@ -49,7 +50,7 @@ class Gauss final : public FixedStep {
     if (!kept.is(Kept::gauss) || !kept.whole(known_, 0, most_past)) return false;
     if (known_ == 0) return kept.left() == 0;
     const std::size_t stages = static_cast<std::size_t>(known_) * accelerations_.size();
-    if (kept.left() != held_.size() + stages || !kept.numbers(held_)) return false;
+    if (kept.left() != last_effort_.size() + stages || !kept.numbers(last_effort_)) return false;
     for (std::size_t i = 0; i < stages; ++i)
       if (!kept.number(past_[i])) return false;
     return true;
@@ -111,7 +112,7 @@ class Gauss final : public FixedStep {
 
   // First guess of the accelerations: the last steps' polynomial if the effort is the same, else those of the state.
   Outcome guess(const JointState& state, const double* actuator, int& joint) {
-    if (std::memcmp(held_.data(), actuator, held_.size() * sizeof(double)) != 0) known_ = 0;
+    if (std::memcmp(last_effort_.data(), actuator, last_effort_.size() * sizeof(double)) != 0) known_ = 0;
     if (known_ > 0) {
       const std::vector<double>& ahead = ahead_[known_ - 1];
       const int count = known_ * stages_;
@@ -134,7 +135,7 @@ class Gauss final : public FixedStep {
     const std::size_t one = accelerations_.size();
     std::memcpy(past_.data() + one, past_.data(), one * sizeof(double));
     std::memcpy(past_.data(), accelerations_.data(), one * sizeof(double));
-    std::memcpy(held_.data(), actuator, held_.size() * sizeof(double));
+    std::memcpy(last_effort_.data(), actuator, last_effort_.size() * sizeof(double));
     known_ = std::min(known_ + 1, most_past);
   }
 
@@ -202,7 +203,7 @@ class Gauss final : public FixedStep {
   const std::vector<double> a_, b_;
   std::vector<double> a_position_, b_position_, node_;
   std::vector<std::vector<double>> ahead_;
-  std::vector<double> accelerations_, held_, past_;  // stages; the effort of the last steps; their stages
+  std::vector<double> accelerations_, last_effort_, past_;  // stages; the effort of the last steps; their stages
   std::vector<double> position_, way_, velocity_, acceleration_;
   int known_ = 0;  // how many steps past_ holds
   int worst_ = 0;

@@ -1,4 +1,4 @@
-// Between the ends of a step that has no dense output of its own: Hermite's polynomials through state and derivative,
+// Between the ends of a step that has no interpolation of its own: Hermite's polynomials through state and derivative,
 // quintic for positions, cubic for velocities (Hairer, Norsett, Wanner, Solving ODEs I, II.6). At the ends it is exact.
 #pragma once
 

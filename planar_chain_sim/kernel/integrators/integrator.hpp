@@ -112,8 +112,8 @@ class Motion : public Integrator {
   // Whether the step under way covers `from` to `to` s behind `tick`; then `to` is `into` s into it.
   virtual bool spans(std::int64_t /*tick*/, double /*from*/, double /*to*/, double& /*into*/) { return false; }
 
-  // Whether state_at() reads dense output; else it makes another step.
-  virtual bool reads_densely() const = 0;
+  // Whether state_at() reads interpolation; else it makes another step.
+  virtual bool interpolates() const = 0;
 
   std::int64_t number = 0;  // number of steps that ensure_step() has made
 };

@@ -17,7 +17,7 @@
 #include "rosenbrock.hpp"
 #include "runge_kutta.hpp"
 #include "semi_implicit_euler.hpp"
-#include "taylor_dense.hpp"
+#include "taylor_short_chain.hpp"
 #include "taylor_recursive.hpp"
 
 namespace planar_chain {
@@ -67,7 +67,7 @@ inline const char* misfit(const MethodData& data) {
   if (!std::isfinite(data.fixed) || data.fixed < 0.0) return "fixed";
   if (data.adaptive && !(data.tolerance > 0.0 && data.tolerance < 1.0)) return "tolerance";
   if (t.stages > most_stages) return "stages";
-  for (const auto* part : {&t.a, &t.b, &t.error, &t.dense_a, &t.dense, &t.c})
+  for (const auto* part : {&t.a, &t.b, &t.error, &t.interpolation_a, &t.interpolation, &t.c})
     for (const double number : *part)
       if (!std::isfinite(number)) return "tableau";
   const bool square = stages > 0 && size(t.a) == stages * stages && size(t.b) == stages;
@@ -80,8 +80,8 @@ inline const char* misfit(const MethodData& data) {
     case Family::rosenbrock:
       if (!data.adaptive) return "adaptive";
       if (!(std::isfinite(t.gamma) && t.gamma > 0.0)) return "gamma";
-      return square && size(t.c) == stages * stages && size(t.error) == stages && size(t.dense) % stages == 0 &&
-                     size(t.dense) >= 2 * stages  // read_from_rest() reads two rows
+      return square && size(t.c) == stages * stages && size(t.error) == stages && size(t.interpolation) % stages == 0 &&
+                     size(t.interpolation) >= 2 * stages  // read_from_rest() reads two rows
                  ? nullptr
                  : "tableau";
     case Family::explicit_runge_kutta:
@@ -90,10 +90,10 @@ inline const char* misfit(const MethodData& data) {
           if (t.a[row * stages + l] != 0.0) return "tableau";
       if (!square || !data.adaptive) return square ? nullptr : "tableau";
       std::size_t extra = 0;
-      while (extra <= most_stages && extra * (stages + 1 + extra) < size(t.dense_a)) ++extra;
+      while (extra <= most_stages && extra * (stages + 1 + extra) < size(t.interpolation_a)) ++extra;
       const std::size_t width = stages + 1 + extra, rows = size(t.error) / (stages + 1);
-      return extra * width == size(t.dense_a) && size(t.dense) % width == 0 && rows * (stages + 1) == size(t.error) &&
-                     (rows == 1 || rows == 2)
+      return extra * width == size(t.interpolation_a) && size(t.interpolation) % width == 0 &&
+                     rows * (stages + 1) == size(t.error) && (rows == 1 || rows == 2)
                  ? nullptr
                  : "tableau";
   }
@@ -102,12 +102,13 @@ inline const char* misfit(const MethodData& data) {
 
 // The first of `Sizes`, rising, that the chain's angles fit into.
 template <bool Slides, int... Sizes>
-std::unique_ptr<Motion> make_taylor_dense(const MethodData& data, const Chain& chain, const JointForces& forces,
-                                          double step, int angles) {
+std::unique_ptr<Motion> make_taylor_short_chain(const MethodData& data, const Chain& chain, const JointForces& forces,
+                                                double step, int angles) {
   std::unique_ptr<Motion> made;
   const auto make = [&](auto size) {
     if (made == nullptr && angles <= size)
-      made = std::make_unique<TaylorDense<size, Slides>>(chain, forces, step, data.order, data.tolerance, data.fixed);
+      made =
+          std::make_unique<TaylorShortChain<size, Slides>>(chain, forces, step, data.order, data.tolerance, data.fixed);
   };
   (make(std::integral_constant<int, Sizes>{}), ...);
   return made;
@@ -119,8 +120,8 @@ inline std::unique_ptr<Motion> make_taylor(const MethodData& data, const Chain& 
     return std::make_unique<TaylorRecursive>(chain, forces, step, data.order, data.tolerance, data.fixed);
   int angles = 0;
   for (const Link& link : chain.links) angles += link.turns();
-  return angles < chain.joint_count ? make_taylor_dense<true, 2, 4, 6, 8>(data, chain, forces, step, angles)
-                                    : make_taylor_dense<false, 2, 4, 6, 8>(data, chain, forces, step, angles);
+  return angles < chain.joint_count ? make_taylor_short_chain<true, 2, 4, 6, 8>(data, chain, forces, step, angles)
+                                    : make_taylor_short_chain<false, 2, 4, 6, 8>(data, chain, forces, step, angles);
 }
 
 inline std::unique_ptr<Motion> make_motion(const MethodData& data, const Chain& chain, Form& form,

@@ -9,7 +9,7 @@
 
 namespace planar_chain {
 
-struct Efforts {  // one row that is held (stride 0) or a row per tick (stride = joints)
+struct Efforts {  // one row for all ticks (stride 0) or a row per tick (stride = joints)
   const double* data;
   std::size_t stride;
 };

@@ -26,9 +26,9 @@ class Rosenbrock final : public ErrorControlledStep {
                             tableau.stages),
         stage_count_(tableau.stages), gamma_(tableau.gamma), a_(rows_of(tableau.a, tableau.stages)),
         c_(rows_of(tableau.c, tableau.stages)), error_(rows_of(tableau.error, tableau.stages)),
-        dense_(rows_of(tableau.dense, tableau.stages)), b_(tableau.b, tableau.stages, 0), jacobian_(chain, forces),
-        lu_(joints_), right_(2 * static_cast<std::size_t>(joints_)),
-        terms_(1 + dense_.size(), std::vector<double>(right_.size())), moved_(right_) {}
+        interpolation_(rows_of(tableau.interpolation, tableau.stages)), b_(tableau.b, tableau.stages, 0),
+        jacobian_(chain, forces), lu_(joints_), right_(2 * static_cast<std::size_t>(joints_)),
+        terms_(1 + interpolation_.size(), std::vector<double>(right_.size())), moved_(right_) {}
 
  protected:
   Outcome begin(const JointState& base, bool /*continued*/, int& joint) override {
@@ -63,7 +63,7 @@ class Rosenbrock final : public ErrorControlledStep {
   // Terms of y = y_0 + x (y_1 - y_0 + z (t_1 + x (t_2 + x (...)))), x = offset / length, z = 1 - x.
   Outcome prepare_reading(const JointState&, int&) override {
     for (std::size_t k = 0; k < terms_.size(); ++k) {
-      const double* sum = stages_.weigh(k == 0 ? b_ : dense_[k - 1]);
+      const double* sum = stages_.weigh(k == 0 ? b_ : interpolation_[k - 1]);
       terms_[k].assign(sum, sum + terms_[k].size());
     }
     const double* slope = stages_.row(stage_count_);
@@ -117,7 +117,7 @@ class Rosenbrock final : public ErrorControlledStep {
 
   const int stage_count_;
   const double gamma_;
-  const std::vector<Weights> a_, c_, error_, dense_;
+  const std::vector<Weights> a_, c_, error_, interpolation_;
   const Weights b_, nothing_;
   Jacobian jacobian_;
   LU lu_;

@@ -15,7 +15,7 @@ namespace planar_chain {
 // A method's row of METHODS in integrators.py, which says what these are.
 struct Tableau {
   int stages = 0;
-  std::vector<double> a, b, error, dense_a, dense, c;  // matrices row by row
+  std::vector<double> a, b, error, interpolation_a, interpolation, c;  // matrices row by row
   double gamma = 0.0;
 };
 

@@ -18,7 +18,7 @@ class SemiImplicitEuler final : public FixedStep {
         form_(form), right_hand_side_(chain, forces), acceleration_(chain.joint_count), position_(acceleration_) {}
 
   // A shorter step costs one evaluation, and no polynomial between the ends knows where it leads.
-  bool reads_densely() const override { return true; }
+  bool interpolates() const override { return true; }
 
  protected:
   // v_1 = v_0 + h f(q_0, v_0),  q_1 = q_0 + h v_1

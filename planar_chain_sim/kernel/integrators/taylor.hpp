@@ -1,5 +1,5 @@
-// The motion as a power series: adaptive steps of high order, each with its series as dense output (equations.md 11).
-// This header uses the coefficients; taylor_recursive.hpp and taylor_dense.hpp compute them.
+// The motion as a power series: adaptive steps of high order, each with its series as interpolation (equations.md 11).
+// This header uses the coefficients; taylor_recursive.hpp and taylor_short_chain.hpp compute them.
 #pragma once
 
 #include <cmath>

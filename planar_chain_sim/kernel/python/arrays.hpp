@@ -69,7 +69,7 @@ class Numbers {
     return made;
   }
 
-  // (second,) numbers that are held, or (first, second), a row for each tick.
+  // (second,) numbers for all ticks, or (first, second), a row for each tick.
   static Numbers row_or_rows(const char* name, const py::handle& given, py::ssize_t first, py::ssize_t second) {
     const py::ssize_t shape[] = {first, second};
     const int skipped = is_row(given) ? 1 : 0;

@@ -1,4 +1,4 @@
-// Coefficients of the motion for a short chain by dense_series.hpp: constants from the chain, first orders from a
+// Coefficients of the motion for a short chain by short_chain_series.hpp: constants from the chain, first orders from a
 // state, results in joint coordinates.
 #pragma once
 
@@ -7,19 +7,19 @@
 #include <vector>
 
 #include "../arithmetic/trigonometry.hpp"
-#include "dense_series.hpp"
+#include "short_chain_series.hpp"
 #include "taylor.hpp"
 
 namespace planar_chain {
 
 template <int Angles, bool Slides>
-class TaylorDense final : public Taylor {
-  using Series = DenseSeries<Angles, Slides>;
+class TaylorShortChain final : public Taylor {
+  using Series = ShortChainSeries<Angles, Slides>;
   using Complex = std::complex<double>;
 
  public:
-  TaylorDense(const Chain& chain, const JointForces& forces, double tick_length, int order, double tolerance,
-              double fixed)
+  TaylorShortChain(const Chain& chain, const JointForces& forces, double tick_length, int order, double tolerance,
+                   double fixed)
       : Taylor(chain, forces, tick_length, order, tolerance, fixed), chain_(chain) {
     number_unknowns();
     couple();

@@ -1,4 +1,4 @@
-// The series of a short chain, unrolled for its number of joints: what taylor_dense.hpp fills and reads.
+// The series of a short chain, unrolled for its number of joints: what taylor_short_chain.hpp fills and reads.
 //
 // Every joint point and mass centre is a sum of constants times a few turning and stretching vectors: E_i = e^(j phi_i)
 // of a link that turns, and Y_w = x_w E_p of one that slides on a carrier p (D of equations.md 3 and 5, with its x
@@ -44,7 +44,7 @@ struct VectorOf<2> {
 //
 // A row is made in registers and stored whole: numbers stored one by one could not be loaded as a vector at once.
 template <int Angles, bool Slides>
-class DenseSeries {
+class ShortChainSeries {
  public:
   static constexpr int width = Angles <= 2 ? 2 : 4;  // of a machine's vector
   static constexpr int lanes = (Angles + width - 1) / width * width;
