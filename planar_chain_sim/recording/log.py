@@ -11,15 +11,15 @@ from warnings import warn
 
 import numpy as np
 
-from .cdr import CdrError, decode_float64_multi_array, decode_joint_state, decode_wrench_stamped, JointStateLayout
+from .cdr import CdrError, decode_float64_multi_array, decode_joint_state, decode_wrench_stamped
 from .events import decode_event
-from .log_reader import LogFile, MESSAGE, read_log
+from .log_reader import LogFile, read_log
 from .run_settings import simulation_of
+from .states import message_heads, StateDecoder
 from ..chain.chain import Chain
 from ..chain.section import counted
 from ..errors import LogError
 
-_HEAD = np.dtype([('channel', '<u2'), ('sequence', '<u4'), ('log_time', '<u8'), ('publish_time', '<u8')])
 _COMMANDS = ('std_msgs/msg/Float64MultiArray', 'sensor_msgs/msg/JointState', 'geometry_msgs/msg/WrenchStamped')
 _EVENT_HEAD = 8   # bytes of CDR before the text of a std_msgs/msg/String
 
@@ -131,14 +131,12 @@ def _load(file: LogFile) -> Log:
     for content, places, channels in file.blocks():
         if not places:
             continue
-        octets, bounds = np.frombuffer(content, np.uint8), np.array(places)
-        start, end = bounds[:, 0] + MESSAGE.size, bounds[:, 1]
-        heads = octets[bounds[:, :1] + np.arange(MESSAGE.size)].view(_HEAD)[:, 0]
+        heads, start, end = message_heads(content, places)
         for number in np.unique(heads['channel']).tolist():
             topic, type_name = channels[number]
             mine = heads['channel'] == number
             if topic == topics['state_topic']:
-                states.add(content, octets, start[mine], end[mine], heads['sequence'][mine])
+                states.add(content, start[mine], end[mine], heads['sequence'][mine])
             elif topic == topics['events_topic'] or type_name in _COMMANDS:
                 data = [content[first:last] for first, last in zip(start[mine].tolist(), end[mine].tolist())]
                 messages = _Messages(topic, type_name, heads['log_time'][mine], np.cumsum((end - start)[mine]),
@@ -158,24 +156,12 @@ class _States:
 
     def __init__(self, file: LogFile, chain: Chain, first_tick: int) -> None:
         self._file, self._chain, self._first = file, chain, first_tick
-        self._layout: Any = None             # of nearly all messages
-        self._template: Any = None           # such a message
-        self._fixed: Any = None              # which of its bytes never change
+        self._decoder = StateDecoder(file.path, chain)
         self._sequences, self._numbers = array('I'), (array('d'), array('d'), array('d'))   # which grow in place
 
-    def add(self, content: bytes, octets: np.ndarray, start: Any, end: Any, sequence: Any) -> None:
+    def add(self, content: bytes, start: Any, end: Any, sequence: Any) -> None:
         """Take the messages from `start` to `end` in a chunk."""
-        if self._layout is None:
-            self._find_layout(self._decoded(content[start[0]:end[0]], sequence[0]).frame_id)
-        alike = (end - start == self._template.size).all()
-        if alike:
-            rows = octets[start[:, None] + np.arange(self._template.size)]
-            alike = (rows[:, self._fixed] == self._template[self._fixed]).all()
-        if alike:
-            numbers = self._layout.numbers_of(rows)
-        else:   # written by another tool
-            numbers = np.array([(state.position, state.velocity, state.effort) for state in (
-                self._decoded(content[first:last], number) for first, last, number in zip(start, end, sequence))])
+        numbers = self._decoder.numbers(content, start, end, sequence)
         self._sequences.frombytes(sequence.tobytes())
         for kept, rows in zip(self._numbers, numbers.swapaxes(0, 1)):
             kept.frombytes(rows.tobytes())
@@ -190,7 +176,8 @@ class _States:
         ahead = sequence - before   # modulo 2^32, as the log keeps ticks
         if (ahead > 1).any():
             k = int(np.argmax(ahead > 1))
-            raise self._error(f'its state of tick {sequence[k]} does not follow tick {before[k]}')
+            raise LogError(f'log {str(self._file.path)!r}: its state of tick {sequence[k]} does not follow tick '
+                           f'{before[k]}')
         tick = self._first + np.cumsum(ahead, dtype=np.int64)
         fresh = np.append(True, ahead[1:] != 0)     # the first state of its tick, with the effort that led there
         last = np.append(ahead[1:] != 0, True)
@@ -198,34 +185,6 @@ class _States:
         if not last.all():
             tick, position, velocity, effort = tick[last], position[last], velocity[last], effort[fresh]
         return tick, position, velocity, effort[1:]
-
-    def _find_layout(self, frame_id: str) -> None:
-        """Note which bytes all messages of this frame share."""
-        self._layout = JointStateLayout(self._chain.joint_names, frame_id)
-        messages = []
-        for value in (0, -1):   # of all bits
-            numbers = np.full(self._chain.joint_count, value, np.int64).view(np.float64)
-            for row in (self._layout.position, self._layout.velocity, self._layout.effort):
-                row[:] = numbers
-            messages.append(np.frombuffer(self._layout.stamped(0), np.uint8))
-        self._template = messages[0]
-        self._fixed = messages[0] == messages[1]
-        self._fixed[4:12] = False   # the stamp
-
-    def _decoded(self, data: bytes, sequence: int) -> Any:
-        try:
-            state = decode_joint_state(data)
-        except CdrError as error:
-            raise self._error(f'its state of tick {sequence} cannot be read ({error})') from None
-        if state.names != self._chain.joint_names:
-            raise self._error(f'its state of tick {sequence} names other joints than its chain')
-        for quantity in ('position', 'velocity', 'effort'):
-            if getattr(state, quantity).size != len(state.names):
-                raise self._error(f'its state of tick {sequence} lacks values of {quantity}')
-        return state
-
-    def _error(self, why: str) -> LogError:
-        return LogError(f'log {str(self._file.path)!r}: {why}')
 
 
 def _decode_events(messages: _Messages) -> list:
