@@ -7,7 +7,7 @@ import os
 import signal
 
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-MODULES = {'rollout': 'recording.rollout', 'resimulate': 'recording.resimulation',
+MODULES = {'rollout': 'recording.rollout', 'resimulate': 'resimulation.command_line',
            'benchmark': 'benchmark.command_line', 'equations': 'symbolic.command_line', 'urdf': 'urdf_file',
            'animate': 'pictures.animation'}
 

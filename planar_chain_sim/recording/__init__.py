@@ -1,1 +1,1 @@
-"""Recording with no ROS installed: CDR bytes, message definitions, the MCAP log's writer and reader, and its re-run."""
+"""Recording with no ROS installed: CDR bytes, message definitions, the MCAP log's writer and reader."""

@@ -15,7 +15,7 @@ import planar_chain_sim as pcs
 from planar_chain_sim import chain_from_dict, ChainError
 from planar_chain_sim.chain_file import chain_from_text
 from planar_chain_sim.mechanics.plan import plan_of
-from planar_chain_sim.recording import resimulation
+from planar_chain_sim.resimulation import command_line as resimulation
 
 CONFIGS = ('arczewski_example', 'cart_arm_telescope', 'double_pendulum', 'four_link_robot', 'seven_link_arm')
 CHAINS = [pcs.load_chain(f'{name}.yaml') for name in CONFIGS]

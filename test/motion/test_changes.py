@@ -8,8 +8,8 @@ import pytest
 import planar_chain_sim as pcs
 from planar_chain_sim.chain.quantities import changed_chain, QUANTITIES, to_json
 from planar_chain_sim.motion.energy_balance import EnergyBalance, ROWS
-from planar_chain_sim.recording import resimulation
 from planar_chain_sim.recording.events import apply_event
+from planar_chain_sim.resimulation import command_line as resimulation
 
 ROBOT = pcs.load_chain('four_link_robot.yaml')
 EFFORT = np.array([10.0, -1.0, 0.5, 0.2, -0.2])

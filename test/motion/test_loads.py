@@ -13,7 +13,7 @@ from planar_chain_sim.mechanics.plan import plan_of
 from planar_chain_sim.motion.integrators import method_data
 from planar_chain_sim.recording.events import apply_event
 from planar_chain_sim.recording.log_reader import read_log
-from planar_chain_sim.recording.resimulation import resimulate
+from planar_chain_sim.resimulation.bits import resimulate
 from planar_chain_sim.symbolic.logged_state import state_at
 
 ROBOT = pcs.load_chain('four_link_robot.yaml')

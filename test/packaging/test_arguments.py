@@ -16,12 +16,13 @@ from planar_chain_sim import command_line, urdf_file
 from planar_chain_sim.benchmark import command_line as benchmark
 from planar_chain_sim.executables import MODULES as EXECUTABLES
 from planar_chain_sim.pictures import __main__ as pictures, animation
-from planar_chain_sim.recording import resimulation, rollout
+from planar_chain_sim.recording import rollout
 from planar_chain_sim.recording.log_reader import read_log
+from planar_chain_sim.resimulation import command_line as resimulation
 from planar_chain_sim.symbolic import command_line as equations
 
 ROBOT = 'four_link_robot.yaml'
-MODULES = {'rollout': 'recording.rollout', 'resimulate': 'recording.resimulation', 'replay': 'ros.replay',
+MODULES = {'rollout': 'recording.rollout', 'resimulate': 'resimulation.command_line', 'replay': 'ros.replay',
            'equations': 'symbolic.command_line', 'benchmark': 'benchmark.command_line', 'simulator': 'ros.node',
            'example_controller': 'ros.example_controller', 'urdf': 'urdf_file', 'pictures': 'pictures.__main__',
            'animate': 'pictures.animation'}

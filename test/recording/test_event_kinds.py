@@ -12,7 +12,7 @@ from planar_chain_sim import _kernel
 from planar_chain_sim.recording.cdr import decode_string, encode_float64_multi_array
 from planar_chain_sim.recording.events import decode_event, encode_command, encode_event, EVENTS, table
 from planar_chain_sim.recording.log_reader import read_log
-from planar_chain_sim.recording.resimulation import resimulate
+from planar_chain_sim.resimulation.bits import resimulate
 
 DOCS = Path(__file__).resolve().parents[2] / 'docs'
 

@@ -20,9 +20,9 @@ from planar_chain_sim.recording.cdr import (
 from planar_chain_sim.recording.events import encode_event
 from planar_chain_sim.recording.log_reader import read_log
 from planar_chain_sim.recording.log_writer import LogWriter
-from planar_chain_sim.recording.resimulation import resimulate
 from planar_chain_sim.recording.rosbag2_profile import Channel
 from planar_chain_sim.recording.run_settings import settings_of
+from planar_chain_sim.resimulation.bits import resimulate
 
 ROBOT = pcs.load_chain('four_link_robot.yaml')
 JOINTS = ROBOT.joint_count

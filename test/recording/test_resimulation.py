@@ -12,11 +12,12 @@ import pytest
 
 import planar_chain_sim as pcs
 from planar_chain_sim.pictures import __main__ as pictures
-from planar_chain_sim.recording import resimulation, rollout
+from planar_chain_sim.recording import rollout
 from planar_chain_sim.recording.cdr import decode_joint_state, encode_string, JointStateLayout
 from planar_chain_sim.recording.log_reader import read_log
 from planar_chain_sim.recording.log_writer import LogWriter
 from planar_chain_sim.recording.rosbag2_profile import Channel
+from planar_chain_sim.resimulation import command_line as resimulation
 from planar_chain_sim.symbolic import command_line as equations
 
 ROBOT = 'four_link_robot.yaml'
@@ -215,7 +216,8 @@ except ImportError:
 else:
     raise SystemExit('rclpy is not blocked')
 import planar_chain_sim as pcs
-from planar_chain_sim.recording import resimulation, rollout
+from planar_chain_sim.recording import rollout
+from planar_chain_sim.resimulation import command_line as resimulation
 for name in pcs.__all__:
     getattr(pcs, name)
 run = pcs.rollout(pcs.load_chain('four_link_robot.yaml'), 0.1)

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 import planar_chain_sim as pcs
-from planar_chain_sim.recording import effort_table, resimulation, rollout
+from planar_chain_sim.recording import effort_table, rollout
 from planar_chain_sim.recording.cdr import decode_joint_state
 from planar_chain_sim.recording.log_reader import read_log
+from planar_chain_sim.resimulation import command_line as resimulation
 
 ROBOT = 'four_link_robot.yaml'
 

@@ -465,7 +465,7 @@ def test_a_long_chain_is_read():
 
 
 def test_every_executable_takes_an_mjcf_file(tmp_path, capsys):
-    from planar_chain_sim.recording import resimulation
+    from planar_chain_sim.resimulation import command_line as resimulation
     (tmp_path / 'robot.xml').write_text(CARTPOLE)
     log = tmp_path / 'run.mcap'
     command = [sys.executable, '-m', 'planar_chain_sim.recording.rollout', tmp_path / 'robot.xml', '--output', log]

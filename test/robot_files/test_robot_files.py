@@ -425,7 +425,8 @@ def test_joints_of_a_yaml_chain_are_welded():
 
 @pytest.mark.filterwarnings('always')
 def test_executables_report_the_file_and_weld_joints(tmp_path, capsys):
-    from planar_chain_sim.recording import resimulation, rollout
+    from planar_chain_sim.recording import rollout
+    from planar_chain_sim.resimulation import command_line as resimulation
     from planar_chain_sim.symbolic import command_line as equations
     robot, log = tmp_path / 'robot.urdf', tmp_path / 'run.mcap'
     robot.write_text(YAWING)

@@ -238,8 +238,9 @@ def test_a_torn_text_is_a_chain_or_a_sentence():
 
 
 def test_every_executable_takes_a_urdf_file(tmp_path, capsys):
-    from planar_chain_sim.recording import resimulation, rollout
+    from planar_chain_sim.recording import rollout
     from planar_chain_sim.recording.log_reader import read_log
+    from planar_chain_sim.resimulation import command_line as resimulation
     chain = replace(CHAINS[4], gravity=-9.81j)
     (tmp_path / 'robot.urdf').write_text(urdf_of(chain))
     log = tmp_path / 'run.mcap'

@@ -75,7 +75,7 @@ def test_at_time_zero_all_is_as_ever(clock, tmp_path):
             assert 0 < stamp_ns(state) < 4000e9
             assert process.stop() == 0, process.output
     assert 'Traceback' not in process.output
-    assert run('planar_chain_sim.recording.resimulation', log)[0] == 0
+    assert run('planar_chain_sim.resimulation.command_line', log)[0] == 0
 
 
 def test_a_clock_that_is_set_back_changes_nothing(clock, tmp_path):
@@ -93,7 +93,7 @@ def test_a_clock_that_is_set_back_changes_nothing(clock, tmp_path):
                            or peer.new_state() is None or peer.commands.publish(Float64MultiArray(data=[float(k)] * 5)))
             assert process.stop() == 0, process.output
     assert 'Traceback' not in process.output
-    assert run('planar_chain_sim.recording.resimulation', log)[0] == 0
+    assert run('planar_chain_sim.resimulation.command_line', log)[0] == 0
 
 
 def test_a_clock_that_is_set_past_2038_ends_the_node_with_a_sentence_and_a_whole_log(clock, tmp_path):
@@ -110,7 +110,7 @@ def test_a_clock_that_is_set_past_2038_ends_the_node_with_a_sentence_and_a_whole
             assert process.finish() == 2
     assert 'simulator: the system clock is in the year' in process.output   # ROS itself may complain at its end
     assert 'Traceback' not in process.output
-    assert run('planar_chain_sim.recording.resimulation', log)[0] == 0
+    assert run('planar_chain_sim.resimulation.command_line', log)[0] == 0
 
 
 @pytest.mark.parametrize('clock_is_ours, words', [

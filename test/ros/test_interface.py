@@ -203,7 +203,7 @@ def test_diagnostics_of_a_divergence_are_an_error_with_joint_time_and_state(ever
 def test_all_that_runs_again_from_the_log_alone(everything):
     """The last of this node: it ends, and what was changed above gives the same bits."""
     assert everything.process.stop() == 0, everything.process.output
-    code, output = run('planar_chain_sim.recording.resimulation', everything.log)
+    code, output = run('planar_chain_sim.resimulation.command_line', everything.log)
     assert code == 0, output
     log = list(read_log(everything.log).messages)
     kinds = {json.loads(decode_string(m.data))['kind'] for m in log if m.topic == '/left/sim/events'}
@@ -253,7 +253,7 @@ def test_a_robot_comes_from_the_topic_robot_description(tmp_path):
             second.wait_for('another text has come on /a/robot_description and has no effect')
             assert second.stop() == 0, second.output
         assert first.stop() == 0, first.output
-    code, output = run('planar_chain_sim.recording.resimulation', tmp_path / 'b.mcap')
+    code, output = run('planar_chain_sim.resimulation.command_line', tmp_path / 'b.mcap')
     assert code == 0, output
 
 

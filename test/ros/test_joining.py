@@ -35,7 +35,7 @@ def test_six_processes_that_join_at_once_cost_no_time(tmp_path):
     stamps = [decode_joint_state(m.data).stamp for m in messages if m.topic == '/joined/joint_states']
     assert {later - earlier for earlier, later in zip(stamps, stamps[1:])} == {MS}, 'no gap and no jump'
     assert 'machine' not in node.output
-    assert run('planar_chain_sim.recording.resimulation', path)[0] == 0
+    assert run('planar_chain_sim.resimulation.command_line', path)[0] == 0
 
 
 HELD_NODE = '''

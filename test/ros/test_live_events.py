@@ -91,7 +91,7 @@ def test_every_kind_that_can_be_provoked_has_the_keys_of_its_row(tmp_path):
     log = load_log(tmp_path / 'moved.mcap')
     assert check(log.events) >= published and {command['topic'] for command in log.commands} == {
         '/simulator/commands', '/simulator/joint_commands', '/simulator/wrench'}
-    code, words = run('planar_chain_sim.recording.resimulation', tmp_path / 'moved.mcap')
+    code, words = run('planar_chain_sim.resimulation.command_line', tmp_path / 'moved.mcap')
     assert code == 0, words
 
 

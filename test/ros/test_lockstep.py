@@ -90,7 +90,7 @@ def test_two_controllers_of_different_joints_in_processes_of_their_own(tmp_path)
     states = [decode_joint_state(m.data) for m in read_log(path).messages if m.topic == '/two/joint_states']
     assert np.array([state.position for state in states]).tobytes() == loop_without_ros(periods).tobytes()
     assert [state.stamp for state in states] == [k * MS for k in range(periods + 1)]
-    code, output = run('planar_chain_sim.recording.resimulation', path)
+    code, output = run('planar_chain_sim.resimulation.command_line', path)
     assert code == 0, output
 
 
@@ -186,5 +186,5 @@ def test_a_step_with_a_part_of_the_answers_runs_again(tmp_path):
             assert peer.call('step')[0]
         assert process.stop() == 0, process.output
     assert 'command' in {event['kind'] for event in load_log(path).events}
-    code, output = run('planar_chain_sim.recording.resimulation', path)
+    code, output = run('planar_chain_sim.resimulation.command_line', path)
     assert code == 0, output

@@ -109,7 +109,7 @@ def test_a_flood_of_every_kind_of_harm_costs_no_tick(tmp_path):
     rejected = [event['data'] for event in events(path) if event['kind'] == 'rejected']
     assert sum(data['count'] for data in rejected) > 0
     assert all(re.match(r'it has \d+ (efforts|bytes), must have', data['reason']) for data in rejected), rejected
-    code, output = run('planar_chain_sim.recording.resimulation', path)
+    code, output = run('planar_chain_sim.resimulation.command_line', path)
     assert code == 0, output
 
 
@@ -135,5 +135,5 @@ def test_a_command_that_nobody_renews_ends_after_the_timeout(tmp_path):
     ends = [event for event in told if event['kind'] == 'command_timeout']
     assert [(end['tick'], end['data']['joints']) for end in ends[:2]] == [
         (first['tick'] + 200, JOINTS[:1]), (second['tick'] + 200, JOINTS[1:2])]
-    code, output = run('planar_chain_sim.recording.resimulation', path)
+    code, output = run('planar_chain_sim.resimulation.command_line', path)
     assert code == 0, output

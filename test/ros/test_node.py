@@ -259,7 +259,7 @@ def test_time_that_cannot_be_caught_up_is_dropped_and_told(tmp_path):
     assert list(stamps) == list(range(len(stamps))), 'no tick is lost with the time'
     tick = dropped[0]['tick']
     assert stamps[tick + 1] - stamps[tick] == pytest.approx(dropped[0]['data']['seconds'] * 1e9 + 1_000_000, abs=2)
-    code, output = run('planar_chain_sim.recording.resimulation', tmp_path / 'run.mcap')
+    code, output = run('planar_chain_sim.resimulation.command_line', tmp_path / 'run.mcap')
     assert code == 0, output
 
 

@@ -37,7 +37,7 @@ def events(path):
 
 
 def resimulate(path):
-    return run('planar_chain_sim.recording.resimulation', path)
+    return run('planar_chain_sim.resimulation.command_line', path)
 
 
 @pytest.fixture(scope='module')
@@ -299,8 +299,8 @@ def test_rollout_on_a_full_disk_is_one_sentence(small_disk, program, arguments):
 
 def test_resimulate_with_its_output_on_a_full_disk_never_says_different(held):
     with open('/dev/full', 'wb') as full:
-        ended = subprocess.run([sys.executable, '-m', 'planar_chain_sim.recording.resimulation', held[0]], stdout=full,
-                               stderr=subprocess.PIPE, text=True, timeout=PATIENCE)
+        ended = subprocess.run([sys.executable, '-m', 'planar_chain_sim.resimulation.command_line', held[0]],
+                               stdout=full, stderr=subprocess.PIPE, text=True, timeout=PATIENCE)
     assert ended.returncode == 2 and ended.stderr.count('\n') == 1, ended.stderr
     assert ended.stderr.startswith('resimulate: ') and 'No space left on device' in ended.stderr
 
@@ -341,7 +341,7 @@ def test_a_log_that_somebody_takes_away_is_told_and_the_physics_goes_on(harm, to
 
 @pytest.mark.parametrize('program, arguments', [
     ('ros.node', ['--ros-args', '-p', 'record:=run.mcap']), ('recording.rollout', ['double_pendulum.yaml']),
-    ('recording.resimulation', ['run.mcap']), ('ros.replay', ['run.mcap'])])
+    ('resimulation.command_line', ['run.mcap']), ('ros.replay', ['run.mcap'])])
 def test_a_missing_mcap_is_one_sentence(program, arguments, tmp_path):
     blocked = (f"import sys; sys.modules['mcap'] = None; from planar_chain_sim.{program} import main; "
                f'sys.exit(main({arguments!r}))')

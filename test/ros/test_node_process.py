@@ -159,7 +159,7 @@ def test_a_stop_signal_in_the_midst_of_a_tick_without_end(number, tmp_path):
         time.sleep(3.0)   # the first tick begins after one
         assert process.stop(number) == 0, process.output   # which waits for a minute, and the tick would take several
     assert read_log(path).complete
-    code, output = run('planar_chain_sim.recording.resimulation', path)
+    code, output = run('planar_chain_sim.resimulation.command_line', path)
     assert code == 0, output
 
 

@@ -309,7 +309,7 @@ def test_every_parameter_at_its_extremes_while_it_runs(family, tmp_path):
         peer.new_state()
         assert process.stop() == 0, process.output
     assert 'Traceback' not in process.output
-    code, words = run('planar_chain_sim.recording.resimulation', path)
+    code, words = run('planar_chain_sim.resimulation.command_line', path)
     assert code == 0, words
 
 
@@ -370,7 +370,7 @@ def test_parameters_that_are_set_together_act_from_one_tick_on(tmp_path):
     ticks = [event['tick'] for event in events if event['kind'] in ('parameter', 'payload')]
     assert len(ticks) == 100 and all(len(set(ticks[k:k + 5])) == 1 for k in range(0, 100, 5))
     assert len(set(ticks)) == 20
-    code, words = run('planar_chain_sim.recording.resimulation', path)
+    code, words = run('planar_chain_sim.resimulation.command_line', path)
     assert code == 0, words
 
 
@@ -385,7 +385,7 @@ def test_a_body_may_be_called_payload(tmp_path):
         assert peer.set(payload_mass=0.7) == [(True, '')]
         assert peer.set(payload_mass=0.0) == [(True, '')]
         assert process.stop() == 0, process.output
-    code, words = run('planar_chain_sim.recording.resimulation', path)
+    code, words = run('planar_chain_sim.resimulation.command_line', path)
     assert code == 0, words
 
 

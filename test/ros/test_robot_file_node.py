@@ -39,7 +39,7 @@ def test_held_joints(way, robot, tmp_path):
     note = next(line for line in process.lines if 'plane with x along' in line)
     assert '[INFO]' in note and f"{robot}: joints 'e', 'w'" in note and "welded: 's' at 0.7" in note
     assert len([line for line in process.lines if '[WARN]' in line and 'effort limit 0' in line]) == 1
-    code, output = run('planar_chain_sim.recording.resimulation', tmp_path / 'run.mcap')
+    code, output = run('planar_chain_sim.resimulation.command_line', tmp_path / 'run.mcap')
     assert code == 0, output
 
 

@@ -323,7 +323,7 @@ def test_nan_and_a_short_effort_are_logged_as_received_and_repeat_bit_for_bit(tm
         assert process.stop(signal.SIGTERM) == 0, process.output
     logged = [decode_joint_state(m.data) for m in read_log(path).messages if m.topic.endswith('/joint_commands')]
     assert [str(message.effort.tolist()) for message in logged] == [str(list(message.effort)) for message in sent]
-    code, output = run('planar_chain_sim.recording.resimulation', path)
+    code, output = run('planar_chain_sim.resimulation.command_line', path)
     assert code == 0, output
 
 

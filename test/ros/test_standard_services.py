@@ -213,5 +213,5 @@ def test_over_dds_with_the_package_itself(tmp_path):
         quit_request.state.state = 3
         assert peer.ask(clients['set_simulation_state'].call_async(quit_request)).result.result == 1
         assert process.finish() == 0, process.output
-    code, output = run('planar_chain_sim.recording.resimulation', path)
+    code, output = run('planar_chain_sim.resimulation.command_line', path)
     assert code == 0, output

@@ -69,7 +69,7 @@ def step(peer, ticks):
 
 
 def resimulated(path):
-    code, output = run('planar_chain_sim.recording.resimulation', path)
+    code, output = run('planar_chain_sim.resimulation.command_line', path)
     assert code == 0, output
     return output
 

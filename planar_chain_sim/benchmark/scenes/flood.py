@@ -16,7 +16,7 @@ from . import Check
 from ...errors import Mistake
 from ...recording.cdr import decode_joint_state, encode_float64_multi_array
 from ...recording.log_reader import read_log
-from ...recording.resimulation import resimulate
+from ...resimulation.bits import resimulate
 
 WAIT = 60.0   # s, after which a node that does not answer is given up
 

@@ -1,0 +1,1 @@
+"""A run computed again: bit for bit, or on another chain, by another method or step; logs and bags."""
