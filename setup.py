@@ -56,7 +56,8 @@ setup(
     )],
     package_data={NAME: ['py.typed', '*.pyi'],
                   f'{NAME}.benchmark': ['*.cpp', 'peers/*.cpp'],   # compiled when a benchmark needs them
-                  f'{NAME}.ros': ['fast_dds.xml']},
+                  f'{NAME}.ros': ['fast_dds.xml'],
+                  f'{NAME}.view': ['page/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
@@ -79,8 +80,10 @@ setup(
             'ros-jazzy-rmw-fastrtps-cpp',    # a real DDS: Jazzy's default
         ],
         'pictures': ['matplotlib', 'pillow'],   # animate, pictures, equations --picture
+        'view': ['aiohttp'],     # the page in the browser: HTTP and WebSocket
         'test': [
             'pytest',
+            'aiohttp', 'selenium',       # the page, and the browser that looks at it
             'pdoc',                      # the page of the Python API: that it can be written
             'pandas',                    # Log.to_pandas
             'hypothesis',                # random chains, files and messages
@@ -117,5 +120,6 @@ setup(
         f'equations = {NAME}.executables:equations',
         f'urdf = {NAME}.executables:urdf',
         f'animate = {NAME}.executables:animate',
+        f'view = {NAME}.executables:view',
     ]},
 )

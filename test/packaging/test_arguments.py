@@ -20,15 +20,16 @@ from planar_chain_sim.recording import rollout
 from planar_chain_sim.recording.log_reader import read_log
 from planar_chain_sim.resimulation import command_line as resimulation
 from planar_chain_sim.symbolic import command_line as equations
+from planar_chain_sim.view import command_line as view
 
 ROBOT = 'four_link_robot.yaml'
 MODULES = {'rollout': 'recording.rollout', 'resimulate': 'resimulation.command_line', 'replay': 'ros.replay',
            'equations': 'symbolic.command_line', 'benchmark': 'benchmark.command_line', 'simulator': 'ros.node',
            'example_controller': 'ros.example_controller', 'urdf': 'urdf_file', 'pictures': 'pictures.__main__',
-           'animate': 'pictures.animation'}
+           'animate': 'pictures.animation', 'view': 'view.command_line'}
 DOORS = {'rollout': rollout.main, 'resimulate': resimulation.main, 'equations': equations.main,
          'benchmark': benchmark.main, 'urdf': urdf_file.main, 'pictures': pictures.main,
-         'animate': animation.main}
+         'animate': animation.main, 'view': view.main}
 ODD = [
     '', ' ', '-', '--', '---', '-1', '-1,2,0', '-1e3,2,0,0,0', '0', '1e300', '-1e300', '1e-300', '1e309', 'nan',
     '-nan', 'inf', '-inf', '1_000', '0x10', '1,2', '1,,2', 'a=b', 'a=', '=1', '=', 'column_slide=1',
@@ -66,10 +67,12 @@ def odd_arguments(random, name):
              'benchmark': ['--csv', '--picture', '--folder', '--peers'],
              'urdf': ['--output', '--commands', '--states'],
              'pictures': ['--duration'],
-             'animate': ['--output', '--duration', '--speed', '--size']}[name]
+             'animate': ['--output', '--duration', '--speed', '--size'],
+             'view': ['--port', '--host', '--hold']}[name]
     first = {'rollout': [ROBOT], 'resimulate': ['run.mcap'], 'equations': [random.choice([ROBOT, 'run.mcap'])],
              'benchmark': [random.choice(['references', 'all', 'calls', 'nothing'])],
-             'urdf': [ROBOT], 'pictures': [ROBOT, 'out.svg'], 'animate': [random.choice([ROBOT, 'run.mcap'])]}[name]
+             'urdf': [ROBOT], 'pictures': [ROBOT, 'out.svg'], 'animate': [random.choice([ROBOT, 'run.mcap'])],
+             'view': [ROBOT]}[name]
     arguments = list(first)
     for _ in range(random.randint(1, 3)):
         if flags and random.random() < 0.8:
@@ -81,13 +84,14 @@ def odd_arguments(random, name):
     return arguments
 
 
-@pytest.mark.parametrize('name', ['rollout', 'resimulate', 'equations', 'urdf', 'pictures', 'animate'])
+@pytest.mark.parametrize('name', ['rollout', 'resimulate', 'equations', 'urdf', 'pictures', 'animate', 'view'])
 def test_odd_arguments_by_the_hundred(name, folder, monkeypatch, capsys):
     """In one process: 0 and a result, or 2 and one sentence. What was refused leaves no file."""
     monkeypatch.chdir(folder)
     monkeypatch.setattr(pcs.OfflineLog, 'advance', lambda *arguments: None)    # 1e9 s would take a while
     monkeypatch.setattr(pictures, 'draw_motion', lambda chain, run, path: None)
     monkeypatch.setattr(animation, 'draw_animation', lambda *arguments: b'')
+    monkeypatch.setattr(view, 'serve', lambda *arguments: 0)    # which goes on until a stop signal
     random, refused, kept = Random(name), 0, set(folder.iterdir())
     for _ in range(400):
         arguments = odd_arguments(random, name)

@@ -1,0 +1,99 @@
+"""What pages hold: efforts by a slider, bodies by the mouse. What a page does not renew in time is let go."""
+from __future__ import annotations
+
+from time import monotonic
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..chain.chain import Chain
+from ..mechanics.body_poses import body_poses, body_velocities, jacobian
+from ..mechanics.dynamics import mass_matrix
+
+PATIENCE = 0.5       # s after which a page that says nothing has let go
+FREQUENCY = 12.0     # rad/s of the lightest mass that a pull can meet, on its spring
+DAMPING = 0.7        # of that, relative to the critical one
+FARTHEST = 3.0       # m; a spring that is stretched farther pulls no harder
+
+
+class Pull(NamedTuple):
+    """A spring between a point of a body, in its frame, and a point of the plane, m; its stiffness N/m."""
+
+    body: str
+    point: complex
+    to: complex
+    stiffness: float
+    damping: float
+
+    def load(self, chain: Chain, position: np.ndarray, velocity: np.ndarray) -> tuple[complex, float, float]:
+        """Return force, in the plane's axes, N, moment about the body's joint point, N m, and the body's angle, rad."""
+        index = chain.body_index[self.body]
+        poses, rates = body_poses(chain, position), body_velocities(chain, position, velocity)
+        angle = float(poses.angle[index])
+        arm = self.point * np.exp(1j * angle)
+        place = complex(*poses.point[index]) + arm
+        rate = complex(*rates.point[index]) + 1j * float(rates.angle[index]) * arm
+        stretch = self.to - place
+        stretch *= min(1.0, FARTHEST / max(abs(stretch), 1e-300))
+        force = self.stiffness * stretch - self.damping * rate
+        return force, (arm.conjugate() * force).imag, angle
+
+
+def make_pull(chain: Chain, position: np.ndarray, body: str, point: complex, to: complex) -> Pull:
+    """
+    Return a pull whose spring suits the mass that it meets there: soft enough for the lightest direction.
+
+    ValueError: the point cannot move.
+    """
+    moves = jacobian(chain, position, body, (point.real, point.imag))[:2]
+    ease = float(np.linalg.eigvalsh(moves @ np.linalg.solve(mass_matrix(chain, position), moves.T))[-1])
+    if not ease > 0.0:
+        raise ValueError(f'body {body!r} cannot be pulled, it is welded to the base')
+    mass = 1.0 / ease
+    return Pull(body, point, to, mass * FREQUENCY**2, 2.0 * DAMPING * mass * FREQUENCY)
+
+
+class Grips:
+    """Efforts by joint and pulls by body, each with the page that holds it and until when."""
+
+    def __init__(self) -> None:
+        self._efforts: dict[str, tuple[Any, float, float]] = {}
+        self._pulls: dict[str, tuple[Any, Pull, float]] = {}
+
+    def hold_effort(self, page: Any, joint: str, value: float) -> None:
+        """Hold an effort, N m or N, for a while."""
+        self._efforts[joint] = page, value, monotonic() + PATIENCE
+
+    def drop_effort(self, joint: str) -> None:
+        """Let go of a joint."""
+        self._efforts.pop(joint, None)
+
+    def pull(self, page: Any, chain: Chain, position: np.ndarray, body: str, point: complex, to: complex) -> None:
+        """Hold a point of a body by a spring for a while; ValueError: it cannot move."""
+        before = self._pulls.get(body)
+        if before and before[0] is page and before[1].point == point:
+            pull = before[1]._replace(to=to)
+        else:
+            pull = make_pull(chain, position, body, point, to)
+        self._pulls[body] = page, pull, monotonic() + PATIENCE
+
+    def release(self, page: Any) -> None:
+        """Let go of all that a page holds."""
+        for held in (self._efforts, self._pulls):
+            for name in [name for name, grip in list(held.items()) if grip[0] is page]:
+                held.pop(name, None)
+
+    def clear(self) -> None:
+        """Let go of everything."""
+        self._efforts.clear()
+        self._pulls.clear()
+
+    def efforts(self) -> dict[str, float]:
+        """Return the efforts that are held, by joint."""
+        now = monotonic()
+        return {joint: value for joint, (_, value, until) in list(self._efforts.items()) if until > now}
+
+    def pulls(self) -> list[Pull]:
+        """Return the pulls that are held."""
+        now = monotonic()
+        return [pull for _, pull, until in list(self._pulls.values()) if until > now]
