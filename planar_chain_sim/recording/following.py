@@ -1,7 +1,7 @@
 """Reads a log from its start: yields its states in order and applies the changes between them to a simulation."""
 from __future__ import annotations
 
-from typing import Iterator
+from typing import Callable, Iterator
 
 import numpy as np
 
@@ -9,6 +9,7 @@ from .cdr import CdrError, decode_joint_state, JointStateMessage
 from .events import apply_event, decode_event, EVENTS
 from .log_reader import LogFile, LogMessage
 from .run_settings import simulation_of
+from ..chain.chain import Chain
 from ..chain.joint_arrays import joint_array
 from ..errors import LogError
 
@@ -19,10 +20,11 @@ class Following:
 
     simulation: its chain, wrenches and payloads are those of the state last read; the reader may advance it.
     effort: (joints,), N m or N, acts on the motion that follows.
+    `told(event, before)` is called after each change with its event and the chain as it was before.
     """
 
-    def __init__(self, log: LogFile):
-        self._log = log
+    def __init__(self, log: LogFile, told: Callable[[dict, Chain], object] = lambda event, before: None):
+        self._log, self._told = log, told
         self.simulation = simulation_of(log)
         self.effort = np.zeros(self.simulation.chain.joint_count)
 
@@ -64,7 +66,7 @@ class Following:
 
     def _change(self, event: dict, tick: int) -> None:
         """Apply an event to the state of `tick`; ValueError: that is impossible."""
-        kind, data = event['kind'], event['data']
+        kind, data, before = event['kind'], event['data'], self.simulation.chain
         if event['tick'] != tick:
             raise self.error(f"event '{kind}' of tick {event['tick']} comes at tick {tick}")
         if EVENTS[kind].apply:
@@ -73,3 +75,4 @@ class Following:
             self.effort = np.zeros_like(self.effort)
         if 'effort' in EVENTS[kind].keys and data.get('effort') is not None:
             self.effort = joint_array('effort', data['effort'], self.effort.shape).copy()
+        self._told(event, before)

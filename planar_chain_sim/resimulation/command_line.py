@@ -1,26 +1,71 @@
-"""The executable `resimulate`: a log's run again, bit for bit."""
+"""The executable `resimulate`: a log's run again, bit for bit, or changed and compared."""
 from __future__ import annotations
 
+from importlib.util import find_spec
+from math import inf
 import sys
 
 from .bits import resimulate
-from ..chain.section import counted
-from ..command_line import Parser, print_line, run_command
-from ..recording.log_reader import read_log
+from .changed_run import changed_simulation
+from .comparison import compare, Comparison, report
+from ..chain.section import clipped, counted
+from ..chain_file import load_chain
+from ..command_line import Parser, PICTURES_NEED, print_line, refuse_existing, run_command, write_document
+from ..errors import Mistake
+from ..motion.integrators import METHODS
+from ..motion.simulation import Simulation
+from ..recording.log_reader import LogFile, read_log
+
+DESCRIPTION = """\
+Run the chain of a log again, with its method, step and changes, and compare all states bit for bit.
+
+With --method, --tolerance, --step, --chain or --set the same changes act on another run. Its positions and velocities \
+are compared with those of the log, joint by joint, and the last line answers whether it matters.
+
+Exit code 0: equal, or compared with another run; 1: different bits; 2: the log cannot be read, an option is wrong, or \
+there is a bug."""
+EXAMPLE = 'resimulate run.mcap --set forearm.mass=2 --step 0.0005 --picture parting.png'
+PICTURES = ('.png', '.svg', '.pdf')
+CHANGES = ('method', 'tolerance', 'step', 'chain', 'set')
 
 
 def main(arguments=None) -> int:
-    """Exit 0: every state equal, bit for bit; 1: different, first difference on stdout; 2: unreadable."""
+    """Exit 0: equal bit for bit, or compared; 1: different, first difference on stdout; 2: unreadable, a mistake."""
     return run_command('resimulate', _resimulate_file, arguments)
 
 
-def _resimulate_file(arguments) -> int:
-    parser = Parser('resimulate',
-                    'Run the chain of a log again, with its method, step and changes, and compare all states '
-                    'bit for bit.\n\nExit code 0: equal; 1: different; 2: the log cannot be read, or there is a bug.',
-                    'resimulate run.mcap')
+def _parser() -> Parser:
+    parser = Parser('resimulate', DESCRIPTION, EXAMPLE)
     parser.add_argument('log', help='MCAP log of the simulator or of rollout')
-    log = read_log(parser.parse_args(arguments).log)
+    parser.add_argument('--method', choices=['auto', *METHODS], metavar='M', help=f'{", ".join(METHODS)}')
+    parser.add_argument('--tolerance', type=float, metavar='T', help='bound of the local error of an adaptive method')
+    parser.add_argument('--step', type=float, metavar='S', help='tick, s; a change that comes between two of its ticks '
+                        'acts at the next one')
+    parser.add_argument('--chain', metavar='CHAIN', help='another chain file; joints and bodies of the same name get '
+                        'the same changes')
+    parser.add_argument('--set', action='append', metavar='NAME=VALUE', help='another value of a parameter, as '
+                        'forearm.mass=2 or gravity.y=-1.62; can be given several times')
+    parser.add_argument('--threshold', type=float, default=1e-3, metavar='D', help='the difference of a position, rad '
+                        'or m, that matters (default: 0.001)')
+    parser.add_argument('--picture', metavar='FILE', help='also draw how far the motions part, a new file: its ending, '
+                        '.png, .svg or .pdf, says what it is')
+    return parser
+
+
+def _resimulate_file(arguments) -> int:
+    options = _parser().parse_args(arguments)
+    if not 0.0 <= options.threshold < inf:
+        raise Mistake(f'--threshold is {options.threshold:g}, must be a finite number >= 0')
+    log = read_log(options.log)
+    if any(getattr(options, name) is not None for name in CHANGES):
+        return _compare(log, options)
+    if options.picture is not None:
+        raise Mistake('--picture is for a run that is changed: give --method, --tolerance, --step, --chain or --set '
+                      'too')
+    return _repeat(log)
+
+
+def _repeat(log: LogFile) -> int:
     verdict = resimulate(log)
     torn = '' if log.complete else '; the log was not closed properly, only its whole chunks were compared'
     if verdict.difference is not None:
@@ -28,6 +73,57 @@ def _resimulate_file(arguments) -> int:
         return 1
     print_line(f'equal: {counted(verdict.states, "state")} over {counted(verdict.ticks, "tick")}, bit for bit{torn}')
     return 0
+
+
+def _compare(log: LogFile, options) -> int:
+    parameters = dict(map(_parameter, options.set or ()))
+    chain = None if options.chain is None else load_chain(options.chain)
+
+    def change(own: Simulation) -> Simulation:
+        method = options.method or own.method
+        if options.tolerance is not None and method != 'auto' and not METHODS[method].adaptive:
+            raise Mistake(f'--tolerance is for adaptive methods, but method {method!r} has a fixed step')
+        return changed_simulation(own, chain, parameters, options.method, options.step, options.tolerance)
+
+    if options.picture is not None:
+        refuse_picture(options.picture)
+    comparison = compare(log, change, options.threshold)
+    if options.picture is not None:
+        _draw(comparison, options.picture)
+    write_document(report(comparison))
+    return 0
+
+
+def refuse_picture(path: str) -> None:
+    """Raise Mistake where no picture can be written to `path`: before the run, not after it."""
+    if not path.endswith(PICTURES):
+        raise Mistake(f'--picture {clipped(path)!r} must end in .png, .svg or .pdf')
+    refuse_existing(path)
+    if find_spec('matplotlib') is None:
+        raise Mistake(PICTURES_NEED)
+
+
+def _draw(comparison: Comparison, path: str) -> None:
+    from ..pictures.parting import draw_parting
+    chain = comparison.run.simulation.chain
+    joints = [chain.joints[chain.joint_names.index(name)] for name in comparison.joints]
+    try:
+        draw_parting(joints, *comparison.parting.curve, comparison.parting.threshold, path)
+    except OSError as error:
+        if error.filename is None:
+            raise
+        raise Mistake(f'{path!r}: {error.strerror}') from None
+
+
+def _parameter(text: str) -> tuple[str, float]:
+    """Return name and value of NAME=VALUE; Mistake."""
+    name, equals, value = text.rpartition('=')
+    try:
+        if equals:
+            return name.strip(), float(value)
+    except ValueError:
+        pass
+    raise Mistake(f'--set {clipped(text)!r} must be a name and a number, as forearm.mass=2')
 
 
 if __name__ == '__main__':
