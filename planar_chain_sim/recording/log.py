@@ -14,7 +14,7 @@ import numpy as np
 from .cdr import CdrError, decode_float64_multi_array, decode_joint_state, decode_wrench_stamped
 from .events import decode_event
 from .log_reader import LogFile, read_log
-from .run_settings import simulation_of
+from .run_settings import readable_settings, simulation_of
 from .states import message_heads, StateDecoder
 from ..chain.chain import Chain
 from ..chain.section import counted
@@ -147,8 +147,8 @@ def _load(file: LogFile) -> Log:
                 else:
                     commands.append(messages)
     tick, position, velocity, effort = states.rows()
-    return Log(file.path, chain, _readable(file.settings), file.complete, tick * simulation.step, position, velocity,
-               effort, events, commands)
+    return Log(file.path, chain, readable_settings(file.settings), file.complete, tick * simulation.step, position,
+               velocity, effort, events, commands)
 
 
 class _States:
@@ -220,13 +220,3 @@ def _decode_command(type_name: str, data: bytes) -> dict:
         return {'body': body, 'force': list(force), 'torque': list(torque)}
     except CdrError as error:
         return {'error': str(error)}
-
-
-def _readable(settings: dict) -> dict:
-    """Return the settings with their numbers as numbers."""
-    readable = {**settings, 'step': float.fromhex(settings['step']), 'tick': int(settings['tick']),
-                'tolerance': float.fromhex(settings['tolerance']) if settings['tolerance'] else None,
-                'joint_names': json.loads(settings['joint_names'])}
-    for key in ('position', 'velocity'):
-        readable[key] = [float.fromhex(value) for value in json.loads(settings[key])]
-    return readable

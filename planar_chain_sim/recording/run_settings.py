@@ -50,3 +50,13 @@ def simulation_of(log: LogFile) -> Simulation:
     except (ChainError, ValueError, TypeError, OverflowError, RecursionError) as error:
         raise LogError(f'log {str(log.path)!r}: {error}') from None
     return simulation
+
+
+def readable_settings(settings: dict) -> dict:
+    """Return the settings of a log, which makes a simulation, with their numbers as numbers."""
+    readable = {**settings, 'step': float.fromhex(settings['step']), 'tick': int(settings['tick']),
+                'tolerance': float.fromhex(settings['tolerance']) if settings['tolerance'] else None,
+                'joint_names': json.loads(settings['joint_names'])}
+    for key in ('position', 'velocity'):
+        readable[key] = [float.fromhex(value) for value in json.loads(settings[key])]
+    return readable

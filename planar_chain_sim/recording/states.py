@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from .cdr import CdrError, decode_joint_state, JointStateLayout
-from .log_reader import MESSAGE
+from .mcap_records import MESSAGE
 from ..chain.chain import Chain
 from ..errors import LogError
 
