@@ -107,14 +107,15 @@ class SeekableLog:
         chunk = self._chunk(self._rows[max(self._bisect(tick, after=True) - 1, 0)])
         last = max(int(np.searchsorted(chunk.tick, tick, 'right')) - 1, 0)
         found = int(chunk.tick[last])
-        fresh, effort = int(np.searchsorted(chunk.tick, found)), chunk.numbers
-        if fresh == 0:   # the first state of its tick, which has the effort that led there, may be in a chunk before
-            before = self._chunk(self._rows[max(self._bisect(found, after=False) - 1, 0)])
-            place = int(np.searchsorted(before.tick, found))
-            if place < len(before.tick) and before.tick[place] == found:
-                fresh, effort = place, before.numbers
-        position, velocity, _ = chunk.numbers[last]
-        return State(found, found * self._step, position.copy(), velocity.copy(), effort[fresh, 2].copy())
+        position, velocity, effort = chunk.numbers[last]
+        # Of several states of a tick the first has the effort that led there; it may be in a chunk before.
+        place = self._bisect(found, after=False)
+        for first in (self._chunk(row) for row in self._rows[max(place - 1, 0):place + 1]):
+            fresh = int(np.searchsorted(first.tick, found))
+            if fresh < len(first.tick) and first.tick[fresh] == found:
+                effort = first.numbers[fresh, 2]
+                break
+        return State(found, found * self._step, position.copy(), velocity.copy(), effort.copy())
 
     def series(self, begin: float, end: float, count: int) -> Series:
         """
@@ -253,12 +254,12 @@ class Events:
     def previous(self, time: float, kinds: Optional[Collection] = None) -> Optional[dict]:
         """Return the last event before the tick at a time, s; None: there is none."""
         tick = self._log.tick_at(time)
-        return next((event for row in reversed(self._rows[:self._place(tick, after=True) + 1])
+        return next((event for row in reversed(self._rows[:self._place(tick, after=True)])
                      for event in reversed(self._events(row))
                      if event['tick'] < tick and (kinds is None or event['kind'] in kinds)), None)
 
     def _place(self, tick: int, after: bool) -> int:
-        """Return the place in _rows of the first chunk that can hold events of a tick, or (after) of the last."""
+        """Return the place in _rows of the first chunk that can hold events of a tick, or (after) behind the last."""
         log = self._log
         place = log._bisect(tick, after)   # of the first chunk with states that begins at the tick (after: after it)
         if after:
