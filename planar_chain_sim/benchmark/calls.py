@@ -34,7 +34,7 @@ def evaluations(chain: Chain, position, velocity, given) -> dict[str, tuple]:
 
 
 def simulation_calls(chain: Chain, position, velocity, given) -> dict[str, tuple]:
-    """Return the same of a simulation's members; a kernel's loop for `advance`, None where it only copies numbers."""
+    """Return the same of a simulation's members; a kernel's loop, None where the kernel only copies numbers."""
     moved, asked, looped = (Simulation(chain, 'rk4', STEP) for _ in range(3))
     for simulation in (moved, asked, looped):
         simulation.set_state(position, velocity)
@@ -45,14 +45,16 @@ def simulation_calls(chain: Chain, position, velocity, given) -> dict[str, tuple
 
     calls = {'advance(1)': lambda: moved.advance(1), 'advance(1, effort)': lambda: moved.advance(1, given),
              'advance_to': onwards}
-    loop = {name: looped.advance for name in calls}
+    loop = {name: looped.advance for name in calls} | {'checkpoint': repeated(asked._stepper.save)}
     calls |= {'set_state': lambda: asked.set_state(position, velocity), 'position': lambda: asked.position,
               'velocity': lambda: asked.velocity, 'effort': lambda: asked.effort,
               'acceleration': lambda: asked.acceleration, 'time': lambda: asked.time,
               'statistics': lambda: asked.statistics, 'take_events': asked.take_events,
               'checkpoint': asked.checkpoint, 'set_wrench': lambda: asked.set_wrench(body, (0.0, 1e-9 * next(turn)))}
-    calls |= {f"Simulation('{method}')": lambda method=method: Simulation(chain, method, STEP)
-              for method in ('rk4', 'auto')}
+    for method in ('rk4', 'auto'):
+        name, made = f"Simulation('{method}')", Simulation(chain, method, STEP)
+        calls[name] = lambda method=method: Simulation(chain, method, STEP)
+        loop[name] = repeated(lambda made=made: made._make_stepper(chain, made.form))
     return {name: (repeated(call), loop.get(name)) for name, call in calls.items()}
 
 

@@ -59,6 +59,7 @@ PYBIND11_MODULE(_kernel, module) {
   py::class_<Model>(module, "Model")
       .def(py::init<const Ints&, const Array&, std::tuple<double, double>, int>())
       .def("add_law", &Model::add_law)
+      .def("place_bodies", &Model::place_bodies)
       .def("forward_dynamics", &Model::forward_dynamics, py::arg("position"), py::arg("velocity"), py::arg("effort"),
            py::arg("dense") = false)
       .def("evaluate_repeatedly", &Model::evaluate_repeatedly, py::arg("position"), py::arg("velocity"),
@@ -103,7 +104,9 @@ PYBIND11_MODULE(_kernel, module) {
       .def("interrupt", &Stepper::interrupt)
       .def("wait", &Stepper::await)
       .def("put_state", &Stepper::put_state)
-      .def("set_wrenches", &Stepper::set_wrenches)
+      .def("set_wrench", &Stepper::set_wrench)
+      .def("clear_wrenches", &Stepper::clear_wrenches)
+      .def("wrenches", &Stepper::wrenches)
       .def("wrench_effort", &Stepper::wrench_effort)
       .def("adopt", &Stepper::adopt)
       .def("take_coarse_step", &Stepper::take_coarse_step)

@@ -50,5 +50,6 @@ def kernel_model_of(chain: Chain) -> KernelModel:
         topology, constants = kernel_arrays(chain, links)
         model = _kernel.Model(topology, constants, (chain.gravity.real, chain.gravity.imag), chain.joint_count)
         add_laws_to_kernel(model, chain)
+        model.place_bodies([body.name for body in chain.bodies], places)
         kept['_model'] = KernelModel(model, links, grounded, places)
     return kept['_model']

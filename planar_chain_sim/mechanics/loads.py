@@ -1,11 +1,9 @@
-"""Loads on bodies while a chain moves: wrenches from outside and payloads, checked and referred to the links."""
+"""Loads on bodies while a chain moves: wrenches from outside and payloads."""
 from __future__ import annotations
 
 from dataclasses import replace
-from math import isfinite
-from typing import Any, Mapping, NamedTuple, TYPE_CHECKING
+from typing import Any, NamedTuple, TYPE_CHECKING
 
-from .plan import plan_of
 from .._kernel import plane_vector
 from ..chain.chain import altered, Chain
 from ..chain.joint_arrays import joint_array
@@ -34,32 +32,6 @@ def index_of(chain: Chain, body: str) -> int:
         names = ', '.join(each.name for each in chain.bodies[:32])
         raise ValueError(f'body is {body!r:.80}, must be one of {names}')
     return index
-
-
-def checked_wrench(force: ArrayLike, moment: Any, axes: str) -> Wrench:
-    """Return the wrench of force [x, y], moment and axes; ValueError: a number that is not finite, other axes."""
-    if axes not in ('body', 'world'):
-        raise ValueError(f"axes is {axes!r:.80}, must be 'body' or 'world'")
-    force = plane_vector('force', force)
-    return Wrench(force, moment if type(moment) is float and isfinite(moment) else _number('moment', moment), axes)
-
-
-def on_links(chain: Chain, wrenches: Mapping[str, Wrench]) -> list[tuple]:
-    """
-    Return wrenches by body as the kernel takes them: slot, whether the force turns with it, point, force, moment.
-
-    A wrench on a body that is welded to the base moves nothing and is left out.
-    """
-    told, places = [], plan_of(chain).places
-    for name, (force, moment, axes) in wrenches.items():
-        slot, point, _, turn = places[chain.body_index[name]]
-        turns = axes == 'body'
-        if turns:   # about the link's joint point, so that its moment is a constant
-            force = force * turn
-            moment, point = moment + (point.conjugate() * force).imag, 0j
-        if slot:
-            told.append((slot, turns, point, force, moment))
-    return told
 
 
 def with_payload(chain: Chain, body: str, mass: float, position: ArrayLike, inertia_com: float, name: str) -> Chain:

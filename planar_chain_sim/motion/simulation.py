@@ -3,6 +3,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from math import isfinite, ulp
+from operator import add
 from threading import RLock
 from typing import Any, Mapping, NamedTuple, Optional, TYPE_CHECKING
 from warnings import warn
@@ -27,7 +28,7 @@ from ..chain.quantities import same_but_for_quantities
 from ..chain.section import counted
 from ..errors import SimulationError
 from ..mechanics.dynamics import resolve_form
-from ..mechanics.loads import checked_wrench, index_of, on_links, with_payload, without_payload, Wrench
+from ..mechanics.loads import with_payload, without_payload, Wrench
 from ..mechanics.plan import plan_of
 
 if TYPE_CHECKING:
@@ -156,7 +157,6 @@ class Simulation:
         self._stepper = self._make_stepper(chain, self.form)
         self._counted, self._untaken = (0, 0, 0, 0), []   # of chains that others have replaced
         self._own_bodies = len(chain.bodies)   # bodies beyond are payloads
-        self._wrenches: dict[str, Wrench] = {}
         self._bare_chains: tuple[Chain, ...] = (chain,)   # that it has had, without payloads
         self._changing = RLock()       # of what is kept here and not in the kernel
         self.set_state(*initial_state(chain))
@@ -175,15 +175,15 @@ class Simulation:
             self._untaken = self.take_events()
             state = {name: value for name, value in vars(self).items() if name not in ('_row', '_stepper', '_changing')}
             saved = self._stepper.save()
-            state.update(_wrenches=dict(self._wrenches), _untaken=list(self._untaken), _counted=self._counts(),
-                         _stepper=(*saved, self._stepper.told))
+            state.update(_untaken=list(self._untaken), _counted=self._counts(),
+                         _stepper=(*saved, self._stepper.told, self.wrenches))
         return state
 
     def __setstate__(self, state: Any) -> None:
-        *saved, told = state['_stepper']
+        *saved, told, wrenches = state['_stepper']
         vars(self).update(state, _row=METHODS[state['method']], _changing=RLock())
         self._stepper = self._make_stepper(self.chain, self.form)
-        self._stepper.set_wrenches(on_links(self.chain, self._wrenches))
+        _put_wrenches(self._stepper, wrenches)
         self._stepper.load(*saved, False)
         self._stepper.told = told
 
@@ -293,19 +293,18 @@ class Simulation:
         self._stepper.wait()
         with self._changing:
             bodies = {body.name for body in chain.bodies}
-            wrenches = {body: wrench for body, wrench in self._wrenches.items() if body in bodies}
-            fresh._stepper.set_wrenches(on_links(chain, wrenches))
-            self._replace_stepper(chain, wrenches, fresh._stepper, False)
+            _put_wrenches(fresh._stepper, {body: wrench for body, wrench in self.wrenches.items() if body in bodies})
+            self._replace_stepper(chain, fresh._stepper, False)
             bare = self._bare_chain(chain, self._own_bodies)
             if bare not in self._bare_chains:
                 self._bare_chains += (bare,)
 
-    def _replace_stepper(self, chain: Chain, wrenches: Mapping[str, Wrench], fresh: Any, with_state: bool) -> None:
+    def _replace_stepper(self, chain: Chain, fresh: Any, with_state: bool) -> None:
         """Replace the present stepper by `fresh`, that of the chain, with its own state or the present one."""
         counts, events = self._stepper.adopt(fresh, with_state)
-        self._counted = tuple(before + count for before, count in zip(self._counted, counts))
+        self._counted = tuple(map(add, self._counted, counts))
         self._untaken = self._untaken + [self._joint_event(*event) for event in events]
-        self.chain, self._wrenches = chain, dict(wrenches)
+        self.chain = chain
         self.form, self._why_form = self._resolve_form(chain)
 
     @staticmethod
@@ -315,7 +314,7 @@ class Simulation:
     @property
     def wrenches(self) -> dict[str, Wrench]:
         """The wrenches that act, by body."""
-        return dict(self._wrenches)
+        return {body: Wrench(*wrench) for body, *wrench in self._stepper.wrenches()}
 
     def set_wrench(self, body: str, force: ArrayLike = (0.0, 0.0), moment: float = 0.0, axes: str = 'body') -> None:
         """
@@ -325,18 +324,9 @@ class Simulation:
         'world'; `moment` N m, counter-clockwise (equations.md 6.5). ValueError: no such body, a number that is not
         finite, other axes.
         """
-        wrench = checked_wrench(force, moment, axes)
         self._stepper.wait()
         with self._changing:
-            index_of(self.chain, body)
-            before, acts = self._wrenches.get(body), wrench.force or wrench.moment
-            if wrench == before or not (acts or before):
-                return
-            wrenches = self._wrenches.copy()
-            wrenches.pop(body, None)
-            if acts:
-                wrenches[body] = wrench
-            self._put_wrenches(wrenches)
+            self._stepper.set_wrench(body, force, moment, axes)
 
     @property
     def wrench_effort(self) -> np.ndarray:
@@ -347,12 +337,7 @@ class Simulation:
         """Remove all wrenches."""
         self._stepper.wait()
         with self._changing:
-            if self._wrenches:
-                self._put_wrenches({})
-
-    def _put_wrenches(self, wrenches: dict[str, Wrench]) -> None:
-        self._stepper.set_wrenches(on_links(self.chain, wrenches))
-        self._wrenches = wrenches
+            self._stepper.clear_wrenches()
 
     def attach(self, body: str, mass: float, position: ArrayLike = (0.0, 0.0), inertia_com: float = 0.0,
                name: str = 'payload') -> None:
@@ -381,7 +366,7 @@ class Simulation:
 
     def _counts(self) -> tuple:
         with self._changing:
-            return tuple(before + count for before, count in zip(self._counted, self._stepper.counts))
+            return tuple(map(add, self._counted, self._stepper.counts))
 
     def advance(self, ticks: int, effort: Optional[ArrayLike] = None, record: Optional[tuple] = None) -> None:
         """
@@ -458,8 +443,11 @@ class Simulation:
         self._stepper.wait()
         with self._changing:
             tick, between, state = self._stepper.save()
-            return Checkpoint(tick, state, between, self.chain, self.wrenches, self.method, self.step, self.tolerance,
-                              self.form, self._own_bodies, CHECKPOINT_FORMAT)
+            saved = object.__new__(Checkpoint)   # __init__ of a frozen class takes longer than all the rest
+            vars(saved).update(tick=tick, state=state, between=between, chain=self.chain, wrenches=self.wrenches,
+                               method=self.method, step=self.step, tolerance=self.tolerance, form=self.form,
+                               own_bodies=self._own_bodies, format=CHECKPOINT_FORMAT)
+            return saved
 
     def restore(self, saved: Checkpoint) -> None:
         """
@@ -482,15 +470,15 @@ class Simulation:
             tick, between = saved.tick, saved.between
             if saved.step != self.step or (between is not None and not self._row.adaptive):
                 tick, between = self._place_of(saved.time, 'time of the checkpoint')
-            if chain == self.chain and saved.wrenches == self._wrenches:
+            if chain == self.chain and saved.wrenches == self.wrenches:
                 return self._stepper.load(tick, between, saved.state, anew)
             try:
                 fresh = self._make_stepper(chain, form)
-                fresh.set_wrenches(on_links(chain, saved.wrenches))
+                _put_wrenches(fresh, saved.wrenches)
             except (TypeError, ValueError, AttributeError) as error:
                 raise ValueError(f'checkpoint is damaged: its wrenches cannot be ({error})') from None
             fresh.load(tick, between, saved.state, anew)
-            self._replace_stepper(chain, saved.wrenches, fresh, True)
+            self._replace_stepper(chain, fresh, True)
 
     def _checked_settings(self, saved: Checkpoint) -> tuple[Chain, int]:
         """Return chain and `own_bodies`; ValueError: no checkpoint of this version, or a damaged one."""
@@ -513,6 +501,11 @@ class Simulation:
         if type(saved.own_bodies) is not int or not 0 < saved.own_bodies <= len(saved.chain.bodies):
             raise ValueError(f'checkpoint is damaged: its chain has {saved.own_bodies!r} bodies that are no payloads')
         return saved.chain, saved.own_bodies
+
+
+def _put_wrenches(stepper: Any, wrenches: Mapping[str, Wrench]) -> None:
+    for body, (force, moment, axes) in wrenches.items():
+        stepper.set_wrench(body, (force.real, force.imag), moment, axes)
 
 
 def _is_number(given: Any) -> bool:

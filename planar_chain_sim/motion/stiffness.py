@@ -1,12 +1,12 @@
 """Estimates the stiffness of a chain at its initial state, and the longest stable step of a fixed-step method."""
 from __future__ import annotations
 
+from math import inf
 from typing import Optional
-
-import numpy as np
 
 from .integrators import Method
 from ..chain.chain import Chain
+from ..chain.joint_arrays import initial_state
 from ..mechanics.plan import plan_of
 
 
@@ -16,15 +16,20 @@ def damping_rate(chain: Chain) -> float:
 
     Power iteration for the largest eigenvalue of H^-1 d, six times an O(n) solution.
     """
-    return _largest_rate(chain, np.array([joint.damping for joint in chain.joints]))[0]
+    return _largest_rate(chain, 'damping')[0]
 
 
-def _largest_rate(chain: Chain, law: np.ndarray) -> tuple[float, int]:
-    """Return the largest eigenvalue of H^-1 law, law (joints,) on the diagonal, and the joint that moves most in it."""
-    if not law.any():
-        return 0.0, 0
-    position = np.array([joint.position for joint in chain.joints])
-    return plan_of(chain).model.largest_rate(position, law)
+def _largest_rate(chain: Chain, law: str) -> tuple[float, int]:
+    """
+    Return the largest eigenvalue of H^-1 law, the joints' numbers on the diagonal, and the joint that moves most in it.
+
+    It is computed at its first use and then kept with the chain.
+    """
+    kept = chain.__dict__.setdefault('_largest_rates', {})   # a frozen dataclass lets its cache be written here
+    if law not in kept:
+        numbers = [getattr(joint, law) for joint in chain.joints]
+        kept[law] = plan_of(chain).model.largest_rate(initial_state(chain)[0], numbers) if any(numbers) else (0.0, 0)
+    return kept[law]
 
 
 def step_limit(chain: Chain, method: Method) -> Optional[tuple[float, str]]:
@@ -37,7 +42,7 @@ def step_limit(chain: Chain, method: Method) -> Optional[tuple[float, str]]:
     real, imaginary = method.stability_limits
     limits = []
     for law, power, extent in (('damping', 1.0, real), ('stiffness', 0.5, imaginary)):
-        rate, joint = _largest_rate(chain, np.array([getattr(joint, law) for joint in chain.joints]))
-        if rate > 0.0 and extent < np.inf:
+        rate, joint = _largest_rate(chain, law)
+        if rate > 0.0 and extent < inf:
             limits.append((extent / rate**power, chain.joint_names[joint]))
     return min(limits, default=None)

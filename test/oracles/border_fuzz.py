@@ -203,9 +203,11 @@ class Fuzz:
 
     def wrenches(self):
         junk = self.junk
-        copy.copy(self.simulation)._stepper.set_wrenches([tuple(junk.arguments(
-            int(junk.size(1)), True, 1j, 2.0 + 1j, 0.5)) for _ in range(junk.random.integers(3))])
-        self.simulation.set_wrench(*junk.arguments(self.chain.bodies[0].name, (1.0, 2.0), 0.5, 'world'))
+        for changed in (self.simulation, copy.copy(self.simulation)._stepper):
+            body = junk.one_of(*self.simulation.chain.bodies).name
+            changed.set_wrench(*junk.arguments(body, (1.0, 2.0), 0.5, junk.one_of('body', 'world')))
+        if junk.beside():
+            self.simulation.clear_wrenches()
 
     def payload(self):
         if self.simulation.payloads:
@@ -268,7 +270,12 @@ class Fuzz:
                     junk.one_of(0, 0, links - 1, -junk.beside(), 2),
                     [-1.0, 1.0, 0.5][:junk.one_of(count, count, *[0, 3] * junk.beside())]
                     if name == 'stop' else [0.5] * junk.one_of(count, count, *[0, 7] * junk.beside())))
-        _kernel.Stepper(model, self.data(), 1e-3, junk.one_of(True, False)).advance(3, None, None)
+        made = _kernel.Stepper(model, self.data(), 1e-3, junk.one_of(True, False))
+        for _ in range(2):
+            model.place_bodies(*junk.arguments(['a', 'b'], [tuple(junk.arguments(
+                int(junk.size(links)), 0.1j, 0.2, 1.0 + 1j)) for _ in range(junk.size(2))]))
+            made.set_wrench(*junk.arguments(junk.one_of('a', 'b'), junk.array(2), 0.5, 'body'))
+            made.advance(3, None, None)
 
     def batch(self):
         junk, n, scenes, ticks = self.junk, self.joints, int(self.junk.random.integers(1, 10)), 5

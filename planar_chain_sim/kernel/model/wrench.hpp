@@ -17,6 +17,20 @@ struct Wrench {
   double force_x, force_y, moment;
 };
 
+// Where a body's frame lies in that of its link: slot (0: it is welded to the base), joint point, e^(j angle).
+struct BodyPlace {
+  int link;
+  double x, y, cosine, sine;
+};
+
+// A wrench at the joint point of a body, in the axes of the body, which it `turns` with, or of the plane. The former is
+// given about the link's joint point, so that its moment is a constant.
+inline Wrench on_link(const BodyPlace& place, bool turns, double force_x, double force_y, double moment) {
+  if (!turns) return {place.link, false, place.x, place.y, force_x, force_y, moment};
+  const double fx = force_x * place.cosine - force_y * place.sine, fy = force_x * place.sine + force_y * place.cosine;
+  return {place.link, true, 0.0, 0.0, fx, fy, moment + (place.x * fy - place.y * fx)};
+}
+
 // `remainder`: the part of positions below double precision, or null.
 inline void add_wrench(const Chain& chain, const Wrench& wrench, const double* position, const double* remainder,
                        double* effort) {

@@ -26,9 +26,11 @@
 #include "../forms/right_hand_side.hpp"
 #include "../model/chain.hpp"
 #include "../model/joint_forces.hpp"
+#include "../model/wrench.hpp"
 #include "arrays.hpp"
 
 namespace pc = planar_chain;
+using Complex = std::complex<double>;
 
 // An array of so many numbers; Python, which has checked it, says what was wanted.
 inline const double* numbers_of(const Array& array, py::ssize_t count) {
@@ -36,6 +38,13 @@ inline const double* numbers_of(const Array& array, py::ssize_t count) {
     throw py::value_error("the kernel got an array of " + std::to_string(array.size()) + " numbers, must be " +
                           std::to_string(count) + ", aligned");
   return array.data();
+}
+
+// A text as a plain str, whose comparison runs no code of others; anything else as it is.
+inline py::object plain_text(const py::handle& given) {
+  if (!PyUnicode_Check(given.ptr()) || PyUnicode_CheckExact(given.ptr()))
+    return py::reinterpret_borrow<py::object>(given);
+  return py::reinterpret_steal<py::object>(PyUnicode_FromObject(given.ptr()));
 }
 
 // Const data of one chain plus a workspace for single evaluations (used under the GIL only).
@@ -65,6 +74,31 @@ class Model {
 
   const pc::Chain& chain() const { return chain_; }
   pc::JointForces forces;
+
+  // Names of the bodies, and where they are: (slot of the link, joint point, angle, e^(j angle)) in its frame.
+  void place_bodies(const py::sequence& names, const std::vector<std::tuple<int, Complex, double, Complex>>& places) {
+    py::list kept;
+    py::dict numbers;
+    std::vector<pc::BodyPlace> placed;
+    for (const auto& [link, at, angle, turn] : places) {
+      if (link < 0 || link > chain_.link_count()) throw py::value_error("the kernel got a body on no link");
+      kept.append(plain_text(names[placed.size()]));
+      numbers[kept[placed.size()]] = py::int_(placed.size());
+      placed.push_back({link, at.real(), at.imag(), turn.real(), turn.imag()});
+    }
+    if (!places_.empty() || numbers.size() != placed.size()) throw py::value_error("the kernel got no names of bodies");
+    names_ = kept, numbers_ = numbers, places_ = placed;
+  }
+
+  // The number of the body of this name, as plain_text() gives it; ValueError has the names of all bodies.
+  std::size_t body(const py::handle& name) const {
+    PyObject* const number = PyUnicode_CheckExact(name.ptr()) ? PyDict_GetItem(numbers_.ptr(), name.ptr()) : nullptr;
+    if (number != nullptr) return PyLong_AsSize_t(number);
+    const py::object names = py::str(", ").attr("join")(names_[py::slice(0, 32, 1)]);
+    throw py::value_error(py::cast<std::string>(py::str("body is {!r:.80}, must be one of {}").format(name, names)));
+  }
+  py::object name_of(std::size_t body) const { return names_[body]; }
+  const pc::BodyPlace& place_of(std::size_t body) const { return places_[body]; }
 
   // Adds a law of that name at a joint, with its numbers in the order of its header (laws/).
   void add_law(const std::string& name, int index, const std::vector<double>& numbers) {
@@ -347,4 +381,7 @@ class Model {
   std::optional<pc::Jacobian> jacobian_;
   std::optional<pc::Response> response_;
   std::vector<double> effort_, acceleration_;
+  py::list names_;    // of the bodies
+  py::dict numbers_;  // body -> its number
+  std::vector<pc::BodyPlace> places_;
 };

@@ -1,6 +1,7 @@
 // Python's view of a simulation.
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <complex>
@@ -146,16 +147,48 @@ class Stepper {
     state_ = state, effort_ = effort, tick_ = tick, between_ = between;
   }
 
-  // Replaces the wrenches: (slot of the link, whether the force turns with it, point, force, each as a complex number
-  // of the link's axes or the plane's, moment). `given`: tuples (slot, whether the force turns with the link, point,
-  // force, moment).
-  void set_wrenches(const py::list& given) {
+  // Replaces the wrench on a body; one of zeros removes it, and an equal one changes nothing. `axes`: 'body' or 'world'.
+  // ValueError: a bad argument.
+  void set_wrench(const py::handle& body, const py::handle& force_given, const py::handle& moment_given,
+                  const py::handle& axes) {
+    const bool turns = is_text(axes, "body");
+    if (!turns && !is_text(axes, "world")) refuse("axes is {!r:.80}, must be 'body' or 'world'", axes);
+    const Numbers force("force", force_given, {2});
+    const double x = force.data()[0], y = force.data()[1];
+    double moment = PyFloat_CheckExact(moment_given.ptr()) ? PyFloat_AS_DOUBLE(moment_given.ptr()) : NAN;
+    if (!std::isfinite(moment)) moment = one_number("moment", moment_given);
+    const py::object name = plain_text(body);
     turn_.await();
-    std::vector<pc::Wrench> wrenches;
-    wrenches.reserve(given.size());
-    for (const py::handle each : given) wrenches.push_back(wrench_of(each.ptr()));
-    scene_->forces.wrenches = std::move(wrenches);
-    scene_->integrator->forces_changed();
+    const Model& model = scene_->model.cast<const Model&>();
+    const Load load{model.body(name), turns, x, y, moment};
+    const pc::Wrench on_link = pc::on_link(model.place_of(load.body), turns, x, y, moment);
+    if (!std::isfinite(on_link.force_x) || !std::isfinite(on_link.force_y) || !std::isfinite(on_link.moment))
+      refuse("force is {!r}, moment {!r}, must be smaller: about the link's joint point they are not finite",
+             force_given, moment);
+    std::vector<Load>& loads = scene_->loads;
+    const auto old = std::find_if(loads.begin(), loads.end(), [&](const Load& each) { return each.body == load.body; });
+    if (old != loads.end() ? load == *old : !load.acts()) return;
+    if (old != loads.end()) loads.erase(old);
+    if (load.acts()) loads.push_back(load);
+    scene_->put_wrenches();
+  }
+
+  void clear_wrenches() {
+    turn_.await();
+    if (scene_->loads.empty()) return;
+    scene_->loads.clear();
+    scene_->put_wrenches();
+  }
+
+  // (body, force as a complex number, moment, axes) of the wrenches that act, the newest last.
+  py::list wrenches() const {
+    const py::object kept = scene_->model;  // making Python objects may let another thread call, see take()
+    const std::vector<Load> loads = scene_->loads;
+    py::list list;
+    for (const Load& load : loads)
+      list.append(py::make_tuple(kept.cast<const Model&>().name_of(load.body), Complex(load.force_x, load.force_y),
+                                 load.moment, load.turns ? "body" : "world"));
+    return list;
   }
 
   // Joint efforts that do the work of the wrenches in this state.
@@ -224,22 +257,26 @@ class Stepper {
   }
 
  private:
-  // Converted by hand for these types: pybind11's conversion takes longer than the computation.
-  pc::Wrench wrench_of(PyObject* given) const {
-    const auto item = [&](Py_ssize_t k) { return PyTuple_GET_ITEM(given, k); };
-    if (!PyTuple_CheckExact(given) || PyTuple_GET_SIZE(given) != 5 || !PyLong_CheckExact(item(0)) ||
-        !PyBool_Check(item(1)) || !PyComplex_CheckExact(item(2)) || !PyComplex_CheckExact(item(3)) ||
-        !PyFloat_CheckExact(item(4)))
-      throw py::type_error("the kernel got a wrench that is no tuple of slot, turns, point, force and moment");
-    int overflow;
-    const long link = PyLong_AsLongAndOverflow(item(0), &overflow);
-    if (overflow != 0 || link < 1 || link > scene_->chain().link_count())
-      throw py::value_error("the kernel got a wrench on a link that is not there");
-    const Py_complex point = PyComplex_AsCComplex(item(2)), force = PyComplex_AsCComplex(item(3));
-    const double moment = PyFloat_AS_DOUBLE(item(4));
-    for (const double number : {point.real, point.imag, force.real, force.imag, moment})
-      if (!std::isfinite(number)) throw py::value_error("the kernel got a wrench that is not finite");
-    return {static_cast<int>(link), item(1) == Py_True, point.real, point.imag, force.real, force.imag, moment};
+  // A wrench on a body, as it was given.
+  struct Load {
+    std::size_t body;
+    bool turns;
+    double force_x, force_y, moment;
+
+    bool acts() const { return force_x != 0.0 || force_y != 0.0 || moment != 0.0; }
+    bool operator==(const Load& other) const {
+      return turns == other.turns && force_x == other.force_x && force_y == other.force_y && moment == other.moment;
+    }
+  };
+
+  static bool is_text(const py::handle& given, const char* text) {
+    return PyUnicode_Check(given.ptr()) && PyUnicode_CompareWithASCIIString(given.ptr(), text) == 0;
+  }
+
+  static double one_number(const char* name, const py::handle& given) {
+    py::list list;
+    list.append(given);
+    return Numbers(name, list, {1}).data()[0];
   }
 
   // Below this, some microseconds, releasing the interpreter would cost more than it gains.
@@ -248,7 +285,8 @@ class Stepper {
   // The parts that a changed chain replaces; they point at each other.
   struct Scene {
     py::object model;
-    pc::JointForces forces;  // the model's, and wrenches
+    pc::JointForces forces;   // the model's, and wrenches
+    std::vector<Load> loads;  // those wrenches, the newest last
     pc::RightHandSide right_hand_side;
     std::unique_ptr<pc::Form> form;
     std::unique_ptr<pc::Integrator> integrator;
@@ -260,6 +298,17 @@ class Stepper {
       integrator = pc::make_integrator(method, chain(), *form, forces, step, dense);
     }
     const pc::Chain& chain() const { return model.cast<const Model&>().chain(); }
+
+    // One on a body that is welded to the base moves nothing.
+    void put_wrenches() {
+      const Model& made = model.cast<const Model&>();
+      forces.wrenches.clear();
+      for (const Load& load : loads)
+        if (made.place_of(load.body).link > 0)
+          forces.wrenches.push_back(
+              pc::on_link(made.place_of(load.body), load.turns, load.force_x, load.force_y, load.moment));
+      integrator->forces_changed();
+    }
   };
 
   static py::tuple tuple_of(const pc::Counts& counts) {
