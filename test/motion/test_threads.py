@@ -1,4 +1,6 @@
 """One simulation in several threads: calls wait for each other, and none changes the motion."""
+import pickle
+import sys
 from threading import Thread
 
 import numpy as np
@@ -100,3 +102,26 @@ def test_a_model_that_is_measured_in_one_thread_answers_others():
 
 def test_every_use_in_every_thread_at_once():
     assert races(seconds=3.0, seed=5)['uses'][0] > 100
+
+
+def test_a_chain_is_pickled_while_another_thread_computes_what_is_kept_with_it():
+    chain, interval, going = CHAINS['double_pendulum'], sys.getswitchinterval(), [True]
+
+    def compute():
+        while going:
+            for k in range(100):
+                chain.__dict__[f'_kept_{k}'] = k
+            for k in range(100):
+                del chain.__dict__[f'_kept_{k}']
+
+    def copy():
+        try:
+            for _ in range(300):
+                assert pickle.loads(pickle.dumps(chain)) == chain
+        finally:
+            going.clear()
+    sys.setswitchinterval(1e-6)
+    try:
+        run_all(compute, copy)
+    finally:
+        sys.setswitchinterval(interval)
