@@ -103,6 +103,42 @@ class ClockLayout:
         return bytes(self._message)
 
 
+class TransformsLayout:
+    """
+    One tf2_msgs/msg/TFMessage of fixed frames, laid out once and patched in place for every state.
+
+    `pairs`: names of parent and child of each frame; CdrError on one that holds a NUL or is no Unicode text.
+    """
+
+    def __init__(self, pairs: Sequence[tuple[str, str]]):
+        body, stamps, poses = bytearray(_COUNT.pack(len(pairs))), [], []
+        for parent, child in pairs:
+            _align(body, 4)
+            stamps.append(len(body))
+            body.extend(bytes(_STAMP.size))
+            _append_string(body, parent)
+            _append_string(body, child)
+            _align(body, 8)
+            poses.append(len(body))
+            body.extend(bytes(7 * 8))
+        # Four spare bytes in front, as in JointStateLayout.
+        memory = np.frombuffer(bytearray(4) + _ENCAPSULATION + body + bytes(-len(body) % 8), np.uint8)
+        self._message = memory[4:8 + len(body)]
+        self._words, self._numbers = memory[8:].view('<i4'), memory[8:].view('<f8')
+        self._stamps = np.array(stamps, int) // 4
+        self._poses = np.array(poses, int)[:, None] // 8 + np.arange(7)
+
+    def stamped(self, nanoseconds: int, poses: np.ndarray) -> bytes:
+        """
+        Put in the time (int, ns), as in JointStateLayout, and each frame's pose; return a copy of the message.
+
+        `poses` (frames, 7): translation x, y, z, m, and rotation, a quaternion x, y, z, w.
+        """
+        self._words[self._stamps], self._words[self._stamps + 1] = divmod(nanoseconds, 1_000_000_000)
+        self._numbers[self._poses] = poses
+        return self._message.tobytes()
+
+
 def decode_joint_state(data) -> JointStateMessage:
     """Decode a sensor_msgs/msg/JointState (bytes-like, encapsulation included); CdrError if it is none."""
     cursor = _Cursor(data, 'sensor_msgs/msg/JointState')

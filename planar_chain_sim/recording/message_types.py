@@ -27,6 +27,10 @@ _HEADER = 'std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n'
 _LAYOUT = 'std_msgs/MultiArrayLayout\nMultiArrayDimension[] dim\nuint32 data_offset\n'
 _WRENCH = 'geometry_msgs/Wrench\nVector3 force\nVector3 torque\n'
 _VECTOR3 = 'geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z\n'
+_TRANSFORM_STAMPED = 'geometry_msgs/TransformStamped\nstd_msgs/Header header\nstring child_frame_id\n' \
+                     'Transform transform\n'
+_TRANSFORM = 'geometry_msgs/Transform\nVector3 translation\nQuaternion rotation\n'
+_QUATERNION = 'geometry_msgs/Quaternion\nfloat64 x 0\nfloat64 y 0\nfloat64 z 0\nfloat64 w 1\n'
 _DIMENSION = 'std_msgs/MultiArrayDimension\nstring label\nuint32 size\nuint32 stride\n'
 
 MESSAGE_TYPES = {
@@ -43,6 +47,10 @@ MESSAGE_TYPES = {
     'std_msgs/msg/String': MessageType(
         'string data\n',
         'RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18'),
+    'tf2_msgs/msg/TFMessage': MessageType(
+        _with_parts('geometry_msgs/TransformStamped[] transforms\n', _TRANSFORM_STAMPED, _TRANSFORM, _QUATERNION,
+                    _VECTOR3, _HEADER, _TIME),
+        'RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087'),
     'rosgraph_msgs/msg/Clock': MessageType(
         _with_parts('builtin_interfaces/Time clock\n', _TIME),
         'RIHS01_692f7a66e93a3c83e71765d033b60349ba68023a8c689a79e48078bcb5c58564'),

@@ -10,6 +10,7 @@ import numpy as np
 from .cdr import JointStateLayout
 from .events import apply_event, encode_command, encode_event, encode_joint_event, end_event, EVENTS
 from .log_writer import LogWriter
+from .recorded_frames import RecordedFrames
 from .rosbag2_profile import Channel
 from .run_settings import settings_of
 from ..chain.joint_arrays import joint_array
@@ -31,7 +32,8 @@ class OfflineLog:
 
     The log begins at the simulation's present tick and state, with its wrenches and payloads. Its state is set anew
     there, so that the run can be computed again from the log alone: hidden round-off terms are cleared. Log time is
-    simulated time. `compression`: 'none', 'lz4' or 'zstd'. LogError: the file exists or cannot be written, also later.
+    simulated time. `compression`: 'none', 'lz4' or 'zstd'. `record_tf`: the log has the chain's URDF and its links' frames
+    too, from which Foxglove draws the arm. LogError: the file exists or cannot be written, also later.
     ValueError: a simulation that is between two ticks.
     While the log is open, what changes the simulation in another way is refused by the next call of the log.
 
@@ -43,7 +45,7 @@ class OfflineLog:
             log.advance(1000)
     """
 
-    def __init__(self, path: Any, simulation: Simulation, compression: str = 'none') -> None:
+    def __init__(self, path: Any, simulation: Simulation, compression: str = 'none', record_tf: bool = False) -> None:
         if not isinstance(simulation, Simulation):
             raise TypeError(f'simulation is {simulation!r:.80}, must be a Simulation: Simulation(chain) makes one')
         self._simulation, joints = simulation, simulation.chain.joint_count
@@ -52,10 +54,14 @@ class OfflineLog:
         self._step, self._held = simulation.step, np.zeros(joints)
         self._layout = JointStateLayout(simulation.chain.joint_names)
         channels = [Channel(STATE_TOPIC, 'sensor_msgs/msg/JointState'), Channel(EVENTS_TOPIC, 'std_msgs/msg/String')]
+        self._frames = _frames_of(simulation) if record_tf else None
+        channels += self._frames.channels if self._frames else ()
         self._writer = LogWriter(path, channels, {'chain.yaml': simulation.own_chain.source.encode()},
                                  {'planar_chain_sim': settings_of(simulation, STATE_TOPIC, EVENTS_TOPIC)},
                                  compression=compression)
         simulation.set_state(simulation.position, simulation.velocity)
+        if self._frames:
+            self._frames.write_start(self._writer.write, self._nanoseconds(simulation.tick))
         self._write_state(simulation.tick, simulation.position, simulation.velocity, np.zeros(joints))
         self._write_loads()
         self._logged = self._scene()
@@ -184,6 +190,8 @@ class OfflineLog:
         layout.position[:], layout.velocity[:], layout.effort[:] = position, velocity, effort
         time = self._nanoseconds(tick)
         self._writer.write(STATE_TOPIC, layout.stamped(time), time, time, tick)
+        if self._frames and not tick % self._frames.ticks:
+            self._frames.write_state(self._writer.write, layout.position, time, time)
 
     def _write_command(self, tick: int, effort: Any) -> None:
         """Append the event of a commanded effort (joints,) that acts from this tick on, if it differs from the last."""
@@ -199,6 +207,15 @@ class OfflineLog:
 
     def _nanoseconds(self, tick: int) -> int:
         return round(tick * self._step * 1e9)
+
+
+def _frames_of(simulation: Simulation) -> RecordedFrames:
+    """Return the frames of the simulation's chain, by the URDF that this package writes."""
+    from ..robot_files.link_frames import LinkFrames   # which other logs do not need
+    from ..robot_files.urdf_writer import PLANE, urdf_of
+    chain = simulation.own_chain
+    urdf = urdf_of(chain)
+    return RecordedFrames(urdf, LinkFrames(urdf, plane=PLANE), chain.joint_names, simulation.step)
 
 
 def _plain(value: Any) -> Any:

@@ -49,6 +49,8 @@ def _parser() -> Parser:
                         'joint that is not named has no effort (default: none)')
     parser.add_argument('--compression', default='none', choices=sorted(COMPRESSIONS), help='compression of the '
                         'log (default: none)')
+    parser.add_argument('--record-tf', action='store_true', help="record the chain's URDF and, at most 60 times a "
+                        'simulated second, the frames of its links too: Foxglove then draws the arm from the log alone')
     return parser
 
 
@@ -69,7 +71,7 @@ def _rollout_to_file(arguments) -> int:
         simulation.interrupt()
 
     catch_stop_signals(stop)
-    with OfflineLog(path, simulation, options.compression) as log, tqdm(
+    with OfflineLog(path, simulation, options.compression, options.record_tf) as log, tqdm(
             total=ticks, unit='tick', unit_scale=True, disable=None, leave=False) as bar:
         try:
             log.advance(ticks, effort, bar.update)

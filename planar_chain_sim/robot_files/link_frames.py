@@ -5,9 +5,9 @@ The robot's plane may have any orientation in the root's frame.
 """
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple, Optional
+from typing import Optional
 
 import numpy as np
 
@@ -17,13 +17,38 @@ from .urdf_reader import Reader
 from .xml_elements import read_xml
 
 
-class Transform(NamedTuple):
-    """Where the frame of link `child` is in that of link `parent`: rotation (3, 3) and position (3,), m."""
+class Frames:
+    """
+    The frames of some links in those of their parents, for all joints at once.
 
-    parent: str
-    child: str
-    turn: np.ndarray
-    shift: np.ndarray
+    pairs: names of parent and child. `joints`: SpatialJoints that carry the links; `joint_names`: of the positions that
+    poses() takes.
+    """
+
+    def __init__(self, joints: Sequence, joint_names: Sequence[str] = ()):
+        index = {name: k for k, name in enumerate(joint_names)}
+        self.pairs = [(joint.parent, joint.child) for joint in joints]
+        places = [child_place(joint, np.eye(3), np.zeros(3)) for joint in joints]
+        self._still = np.array([[*shift, *quaternion(turn)] for turn, shift in places]).reshape(-1, 7)
+        turning, sliding = ([row for row, joint in enumerate(joints) if joint.moves and joint.kind == kind]
+                            for kind in ('rotation', 'slide'))
+        self._turning, self._sliding = np.array(turning, int), np.array(sliding, int)
+        self._turns, self._slides = (np.array([index[joints[row].name] for row in rows], int)
+                                     for rows in (turning, sliding))
+        # A turn by q about the axis a is the quaternion (a sin q/2, cos q/2), to the right of that of the joint at 0.
+        still = self._still[self._turning, 3:]
+        self._quarter = np.array([_product(still[k], [*joints[row].axis, 0.0]) for k, row in enumerate(turning)])
+        self._along = np.array([places[row][0] @ joints[row].axis for row in sliding])
+
+    def poses(self, position) -> np.ndarray:
+        """Return (frames, 7): x, y, z, m, and the unit quaternion x, y, z, w, at joint positions (joints,)."""
+        poses = self._still.copy()
+        if len(self._turning):
+            half = 0.5 * position[self._turns, None]
+            poses[self._turning, 3:] = np.cos(half) * poses[self._turning, 3:] + np.sin(half) * self._quarter
+        if len(self._sliding):
+            poses[self._sliding, :3] += position[self._slides, None] * self._along
+        return poses
 
 
 class LinkFrames:
@@ -50,18 +75,13 @@ class LinkFrames:
         """Names of all links, the root first."""
         return self.root, *self._joints
 
-    def fixed(self) -> list[Transform]:
-        """Return what never changes: links behind fixed and welded joints."""
-        return [self._transform(joint, {}) for joint in self._robot.joints if not joint.moves]
+    def fixed(self) -> Frames:
+        """Return the frames that never change: links behind fixed and welded joints."""
+        return Frames([joint for joint in self._robot.joints if not joint.moves])
 
-    def moving(self, position: Mapping) -> list[Transform]:
-        """Return the links behind joints that move; `position`: joint -> rad or m."""
-        return [self._transform(joint, position) for joint in self._robot.joints if joint.moves]
-
-    def _transform(self, joint, position: Mapping) -> Transform:
-        if joint.moves:
-            joint = replace(joint, welded_at=position[joint.name])
-        return Transform(joint.parent, joint.child, *child_place(joint, np.eye(3), np.zeros(3)))
+    def moving(self, joint_names: Sequence[str]) -> Frames:
+        """Return the frames of links behind joints that move; `joint_names`: the chain's, in order."""
+        return Frames([joint for joint in self._robot.joints if joint.moves], joint_names)
 
     def pose(self, link: str, position: Mapping) -> tuple[np.ndarray, np.ndarray]:
         """Return rotation (3, 3) and position (3,), m, of a link in the root's frame."""
@@ -71,8 +91,9 @@ class LinkFrames:
             link = way[-1].parent
         turn, shift = np.eye(3), np.zeros(3)
         for joint in reversed(way):
-            step = self._transform(joint, position)
-            turn, shift = turn @ step.turn, shift + turn @ step.shift
+            if joint.moves:
+                joint = replace(joint, welded_at=position[joint.name])
+            turn, shift = child_place(joint, turn, shift)
         return turn, shift
 
     def _sides_of_bodies(self) -> dict:
@@ -116,3 +137,9 @@ def quaternion(turn: np.ndarray) -> np.ndarray:
                        [zx + xz, zy + yz, zz - xx - yy, yx - xy], [zy - yz, xz - zx, yx - xy, xx + yy + zz]])
     vector = np.linalg.eigh(matrix)[1][:, -1]
     return vector if vector[3] >= 0.0 else -vector
+
+
+def _product(first: Sequence[float], second: Sequence[float]) -> np.ndarray:
+    """Return the product of two quaternions x, y, z, w."""
+    a, b = np.array(first[:3]), np.array(second[:3])
+    return np.array([*(first[3] * b + second[3] * a + np.cross(a, b)), first[3] * second[3] - a @ b])

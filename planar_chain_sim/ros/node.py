@@ -104,13 +104,16 @@ def start_simulator(node, ending, stop, told=None):
         return None
     values.update(declare_chain_parameters(node, chain))
     simulation = create_simulation(chain, values)
-    log = None
+    log = frames = None
     if values['record']:
-        from .recorder import open_log
-        log = open_log(simulation, values, publishers, inputs)
+        from .recorder import open_log, recorded_frames
+        if values['record_tf']:
+            frames = recorded_frames(node, simulation, description(chain, urdf, inputs, publishers),
+                                     frames_of(chain, urdf, values))
+        log = open_log(simulation, values, publishers, inputs, frames)
         ending.callback(log.close)
-    simulator = simulator_class(values)(simulation, values, publishers, inputs, node.context, log, node.get_logger(),
-                                        stop.put)
+    simulator = simulator_class(values)(simulation, values, publishers, inputs, node.context, log, frames,
+                                        node.get_logger(), stop.put)
     sys.setswitchinterval(SWITCH_INTERVAL)
     simulator.start()
     ending.callback(simulator.stop)
@@ -151,10 +154,7 @@ def serve(node, ending, stop, simulator, chain, urdf, values, log, ends) -> None
     inputs, outputs = ends
     if 'description' in publishers:
         from std_msgs.msg import String
-
-        from ..robot_files.urdf_writer import urdf_of
-        publishers['description'].publish(String(data=urdf or urdf_of(
-            chain, inputs['joint_commands'].topic_name, outputs['state'].topic_name)))
+        publishers['description'].publish(String(data=description(chain, urdf, inputs, outputs)))
     if values['chain_file'] == ON_TOPIC:
         from .description import warn_of_another
         warn_of_another(node, urdf)
@@ -183,6 +183,15 @@ def serve(node, ending, stop, simulator, chain, urdf, values, log, ends) -> None
     services.start()
     ending.callback(services.stop)
     ending.callback(simulator.halt)   # first of all: a service must not wait for a tick that takes long
+
+
+def description(chain, urdf, inputs, outputs) -> str:
+    """Return the URDF that was given, or the one written from the chain, with the node's topics."""
+    from ..robot_files.urdf_writer import urdf_of
+    from ..robot_files.xml_elements import root_tag
+    if urdf and root_tag(urdf) == 'robot':   # an MJCF may have come on the topic
+        return urdf
+    return urdf_of(chain, inputs['joint_commands'].topic_name, outputs['state'].topic_name)
 
 
 def frames_of(chain, urdf, values):

@@ -95,6 +95,8 @@ PARAMETERS = (
     Row('record', '', 'MCAP log to write, a new file; empty: no log.'),
     Row('record_flush_period', 0.5, 'Longest part of the log that is lost when the process is killed.', (0.01, 3600.0),
         unit='s'),
+    Row('record_tf', False, "Record the chain's URDF and, 60 times a simulated second at most, the frames of its links "
+        'too: Foxglove then draws the arm from the log alone.'),
     Row('on_log_failure', 'go_on', 'What to do when the log cannot be written, as on a full disk: report it and go on, '
         'or stop with exit code 2.', choices=('go_on', 'stop')),
     Row('record_compression', 'none', 'Compression of the log.', choices=('none', 'lz4', 'zstd')),
@@ -108,6 +110,7 @@ PARAMETERS = (
 )
 ROWS = {row.name: row for row in PARAMETERS}
 NEEDED = {'lockstep_joints': 'lockstep', 'record_compression': 'record', 'record_flush_period': 'record',
+          'record_tf': 'record',
           'on_log_failure': 'record'}   # what has no effect without what
 
 

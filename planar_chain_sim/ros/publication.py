@@ -53,13 +53,14 @@ class Publication:
     """
     Publishes for `simulation`, stamped by `pacing`.
 
-    `values`: the node's parameters. `publishers`: key of OUTPUTS -> publisher. `log`: BackgroundLogWriter or None.
+    `values`: the node's parameters. `publishers`: key of OUTPUTS -> publisher. `log`: BackgroundLogWriter or None;
+    `frames`: RecordedFrames for it or None.
     `outcome`: rows for Simulation.advance, so that the kernel writes a tick's outcome straight into the message.
     `stamp`: ns, and `message`: bytes, of the state last published or recorded. hold_ups: the HoldUps of this process.
     """
 
-    def __init__(self, simulation, values, publishers, log, pacing):
-        self._simulation, self._log, self._pacing = simulation, log, pacing
+    def __init__(self, simulation, values, publishers, log, frames, pacing):
+        self._simulation, self._log, self._frames, self._pacing = simulation, log, frames, pacing
         self._wall_minus_steady = pacing.wall_minus_steady
         self._state_topic, self._events_topic = publishers['state'].topic_name, publishers['events'].topic_name
         # Publishers outlive the thread that publishes. Through their handles a message takes half of the time.
@@ -89,7 +90,10 @@ class Publication:
             self._state.publish_raw(data)
             self.hold_ups.ended(now)
         if record and self._log:   # after publishing: subscribers wait for the message, the log does not
-            self._log.write(self._state_topic, data, now + self._wall_minus_steady, stamp, tick)
+            now += self._wall_minus_steady
+            self._log.write(self._state_topic, data, now, stamp, tick)
+            if self._frames and not tick % self._frames.ticks:
+                self._frames.write_state(self._log.write, self.layout.position, now, stamp)
         self.stamp = stamp
         if self._waiting:
             self.publish_events()

@@ -42,16 +42,16 @@ class TickThread:
 
     `values`: the node's parameters; the chain has them already, and they are published as events of tick 0.
     `publishers`: key of OUTPUTS -> publisher. `inputs`: key of INPUTS -> polled subscription. `context`: of rclpy.
-    `log`: BackgroundLogWriter or None. `done(error)` is called when the thread cannot go on. hold_ups: the HoldUps
+    `log`: BackgroundLogWriter or None; `frames`: RecordedFrames for it or None. `done(error)` is called when the thread cannot go on. hold_ups: the HoldUps
     through which everything in this process publishes. requests: Requests of other threads.
     """
 
-    def __init__(self, simulation, values, publishers, inputs, context, log, logger, done):
+    def __init__(self, simulation, values, publishers, inputs, context, log, frames, logger, done):
         self._simulation, self._values, self._log, self._logger = simulation, values, log, logger
         self._done, self._warned = done, {}
         step = simulation.step if values['publish_clock'] or values['lockstep'] else None
         self._pacing = Pacing(self._period(), time_ns() - monotonic_ns(), step)
-        self._publication = Publication(simulation, values, publishers, log, self._pacing)
+        self._publication = Publication(simulation, values, publishers, log, frames, self._pacing)
         self.hold_ups = self._publication.hold_ups
         self._caught_up = self._reported = 0  # ns of hold-ups: those already caught up with; those reported since
         self._intake = CommandIntake(simulation.chain, values['commanded_joints'], inputs, context, self._publication,

@@ -1,6 +1,5 @@
 """Frames of links: TF and markers agree with the kinematics of the same URDF in other libraries, in every frame."""
 import io
-from math import pi
 import subprocess
 import sys
 
@@ -76,16 +75,26 @@ def test_poses_are_those_of_another_library(urdf):
             np.testing.assert_allclose(shift, wanted[:3, 3], atol=1e-12)
 
 
-def test_transforms_make_one_tree_of_all_links(urdf):
+def matrix_of(quaternion):
+    """Return the rotation matrix of a unit quaternion x, y, z, w."""
+    x, y, z, w = quaternion
+    return np.array([[1 - 2 * (y*y + z*z), 2 * (x*y - w*z), 2 * (x*z + w*y)],
+                     [2 * (x*y + w*z), 1 - 2 * (x*x + z*z), 2 * (y*z - w*x)],
+                     [2 * (x*z - w*y), 2 * (y*z + w*x), 1 - 2 * (x*x + y*y)]])
+
+
+def test_frames_make_one_tree_of_all_links(urdf):
     """Every link but the root has one parent: /tf and /tf_static together have each link once."""
     frames = LinkFrames(urdf)
-    _, _, by_name, robot = at_random(urdf, 7)
-    told = frames.fixed() + frames.moving(by_name)
-    assert sorted(transform.child for transform in told) == sorted(frames.links[1:])
-    for transform in told:
-        wanted = robot.get_transform(transform.child, transform.parent)
-        np.testing.assert_allclose(transform.turn, wanted[:3, :3], atol=1e-12)
-        np.testing.assert_allclose(transform.shift, wanted[:3, 3], atol=1e-12)
+    for seed in range(5):
+        chain, position, _, robot = at_random(urdf, seed)
+        fixed, moving = frames.fixed(), frames.moving(chain.joint_names)
+        assert sorted(child for _, child in fixed.pairs + moving.pairs) == sorted(frames.links[1:])
+        for (parent, child), pose in zip(fixed.pairs + moving.pairs,
+                                         np.vstack((fixed.poses(position), moving.poses(position)))):
+            wanted = robot.get_transform(child, parent)
+            np.testing.assert_allclose(matrix_of(pose[3:]), wanted[:3, :3], atol=1e-12)
+            np.testing.assert_allclose(pose[:3], wanted[:3, 3], atol=1e-12)
 
 
 @pytest.mark.ros
@@ -129,23 +138,8 @@ def test_quaternions_of_every_turn():
         turn = np.linalg.qr(random.normal(size=(3, 3)))[0]
         turns.append(turn * np.linalg.det(turn))
     for turn in turns:
-        x, y, z, w = quaternion(turn)
-        again = np.array([[1 - 2 * (y*y + z*z), 2 * (x*y - w*z), 2 * (x*z + w*y)],
-                          [2 * (x*y + w*z), 1 - 2 * (x*x + z*z), 2 * (y*z - w*x)],
-                          [2 * (x*z - w*y), 2 * (y*z + w*x), 1 - 2 * (x*x + y*y)]])
-        np.testing.assert_allclose(again, turn, atol=1e-13)
-        assert w >= 0.0
-
-
-@pytest.mark.ros
-def test_tf_messages_say_the_same():
-    from planar_chain_sim.ros.transforms import stamped
-    frames = LinkFrames(urdf_of(pcs.load_chain('double_pendulum.yaml')))
-    static, = stamped(frames.fixed(), 2_000_000_001)
-    assert (static.header.frame_id, static.child_frame_id) == ('world', 'base_link')
-    assert (static.header.stamp.sec, static.header.stamp.nanosec) == (2, 1)
-    turn = static.transform.rotation
-    np.testing.assert_allclose([turn.x, turn.y, turn.z, turn.w], [np.sin(pi / 4), 0, 0, np.cos(pi / 4)], atol=1e-15)
+        np.testing.assert_allclose(matrix_of(quaternion(turn)), turn, atol=1e-13)
+        assert quaternion(turn)[3] >= 0.0
 
 
 def test_urdf_reports_what_it_leaves_out(tmp_path):
