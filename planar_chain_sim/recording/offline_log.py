@@ -32,8 +32,8 @@ class OfflineLog:
 
     The log begins at the simulation's present tick and state, with its wrenches and payloads. Its state is set anew
     there, so that the run can be computed again from the log alone: hidden round-off terms are cleared. Log time is
-    simulated time. `compression`: 'none', 'lz4' or 'zstd'. `record_tf`: the log has the chain's URDF and its links' frames
-    too, from which Foxglove draws the arm. LogError: the file exists or cannot be written, also later.
+    simulated time. `compression`: 'none', 'lz4' or 'zstd'. `record_tf`: log the chain's URDF and the frames of its
+    links too, from which Foxglove draws the arm. LogError: the file exists or cannot be written, also later.
     ValueError: a simulation that is between two ticks.
     While the log is open, what changes the simulation in another way is refused by the next call of the log.
 
@@ -211,7 +211,7 @@ class OfflineLog:
 
 def _frames_of(simulation: Simulation) -> RecordedFrames:
     """Return the frames of the simulation's chain, by the URDF that this package writes."""
-    from ..robot_files.link_frames import LinkFrames   # which other logs do not need
+    from ..robot_files.link_frames import LinkFrames  # which other logs do not need
     from ..robot_files.urdf_writer import PLANE, urdf_of
     chain = simulation.own_chain
     urdf = urdf_of(chain)

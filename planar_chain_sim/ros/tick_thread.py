@@ -42,8 +42,9 @@ class TickThread:
 
     `values`: the node's parameters; the chain has them already, and they are published as events of tick 0.
     `publishers`: key of OUTPUTS -> publisher. `inputs`: key of INPUTS -> polled subscription. `context`: of rclpy.
-    `log`: BackgroundLogWriter or None; `frames`: RecordedFrames for it or None. `done(error)` is called when the thread cannot go on. hold_ups: the HoldUps
-    through which everything in this process publishes. requests: Requests of other threads.
+    `log`: BackgroundLogWriter or None; `frames`: RecordedFrames for it or None. `done(error)` is called when the thread
+    cannot go on. hold_ups: the HoldUps through which everything in this process publishes. requests: Requests of other
+    threads.
     """
 
     def __init__(self, simulation, values, publishers, inputs, context, log, frames, logger, done):

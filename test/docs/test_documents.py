@@ -26,6 +26,7 @@ from planar_chain_sim.executables import MODULES
 PATIENCE = 60.0    # s
 NOT_RUN = {        # what cannot be run here, and how many blocks
     'needs ROS 2 from apt': 6,
+    'needs PlotJuggler': 1,
     'the test runs in the environment that these two make': 1,
     'takes more than a minute, and needs the extra [benchmark]': 1,
     'these build an environment, run the tests themselves, or take long': 1,

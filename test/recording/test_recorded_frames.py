@@ -1,20 +1,24 @@
 """A log with record_tf: what Foxglove draws the arm from, as readers by other authors decode it."""
+import json
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
+from oracles.log_frames import check_frames
 import pytest
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import get_typestore, Stores
 import yourdfpy
 
 import planar_chain_sim as pcs
-from planar_chain_sim.recording import resimulation
 from planar_chain_sim.recording.cdr import TransformsLayout
 from planar_chain_sim.recording.log_reader import read_log
 from planar_chain_sim.recording.recorded_frames import RATE
+from planar_chain_sim.resimulation import command_line as resimulation
 
 TOPICS = '/robot_description', '/tf_static', '/tf'
 TICKS = 200
+LAYOUTS = Path(__file__).resolve().parents[2] / 'launch'
 
 
 def logged(path, name, **options):
@@ -23,48 +27,6 @@ def logged(path, name, **options):
     with pcs.OfflineLog(path, sim, **options) as log:
         log.advance(TICKS, effort=np.linspace(-20.0, 20.0, sim.chain.joint_count))
     return path
-
-
-def in_world(transforms):
-    """Return child -> (rotation, position) in the frame `world`; transforms: those of a state, by child."""
-    places = {'world': (np.eye(3), np.zeros(3))}
-
-    def place(child):
-        if child not in places:
-            transform = transforms[child]
-            turn, shift = place(transform.header.frame_id)
-            v, q = transform.transform.translation, transform.transform.rotation
-            x, y, z, w = q.x, q.y, q.z, q.w
-            assert x*x + y*y + z*z + w*w == pytest.approx(1.0, abs=1e-12)
-            own = np.array([[1 - 2 * (y*y + z*z), 2 * (x*y - w*z), 2 * (x*z + w*y)],
-                            [2 * (x*y + w*z), 1 - 2 * (x*x + z*z), 2 * (y*z - w*x)],
-                            [2 * (x*z - w*y), 2 * (y*z + w*x), 1 - 2 * (x*x + y*y)]])
-            places[child] = turn @ own, shift + turn @ np.array([v.x, v.y, v.z])
-        return places[child]
-    return {child: place(child) for child in transforms}
-
-
-def check_frames(path, chain):
-    """Compare the frames on /tf and /tf_static, chained up to `world`, with body_poses; return the stamps of /tf, ns."""
-    positions, stamps, fixed = {}, [], {}
-    with AnyReader([Path(path)]) as reader:
-        for connection, _, data in reader.messages():
-            message = reader.deserialize(data, connection.msgtype)
-            if connection.msgtype == 'sensor_msgs/msg/JointState':
-                positions[message.header.stamp.sec * 10**9 + message.header.stamp.nanosec] = message.position
-            elif connection.topic == '/tf_static':
-                fixed = {transform.child_frame_id: transform for transform in message.transforms}
-            elif connection.topic == '/tf':
-                stamp, = {t.header.stamp.sec * 10**9 + t.header.stamp.nanosec for t in message.transforms}
-                places = in_world({**fixed, **{t.child_frame_id: t for t in message.transforms}})
-                poses = pcs.body_poses(chain, positions[stamp])   # of the state before it in the file
-                for body, point, angle in zip(chain.bodies, poses.point, poses.angle):
-                    turn, shift = places[body.name]
-                    np.testing.assert_allclose(shift, [point[0], 0.0, point[1]], atol=1e-12)
-                    np.testing.assert_allclose(turn[:, 0], [np.cos(angle), 0.0, np.sin(angle)], atol=1e-12)
-                    np.testing.assert_allclose(turn[:, 2], [0.0, -1.0, 0.0], atol=1e-12)
-                stamps.append(stamp)
-    return stamps
 
 
 @pytest.mark.parametrize('name', ['four_link_robot.yaml', 'cart_arm_telescope.yaml', 'arczewski_example.yaml'])
@@ -120,3 +82,24 @@ def test_the_layout_is_that_of_another_encoder():
             for (parent, child), pose in zip(pairs[:count], poses)]
         wanted = types.serialize_cdr(names['TFMessage'](transforms), 'tf2_msgs/msg/TFMessage')
         assert TransformsLayout(pairs[:count]).stamped(-1_000_000_001, poses[:count]) == bytes(wanted)
+
+
+def test_the_layouts_show_what_such_a_log_has(tmp_path):
+    chain = pcs.load_chain('four_link_robot.yaml')
+    with AnyReader([logged(tmp_path / 'run.mcap', 'four_link_robot.yaml', record_tf=True)]) as reader:
+        topics = set(reader.topics)
+    layout = json.loads((LAYOUTS / 'view.foxglove.json').read_text())
+    panels = layout['configById']
+
+    def leaves(tree):
+        return [tree] if isinstance(tree, str) else leaves(tree['first']) + leaves(tree['second'])
+    assert sorted(leaves(layout['layout'])) == sorted(panels)
+    arm = panels['3D!arm']
+    assert set(arm['topics']) < topics and arm['topics']['/robot_description']['visible'], 'Foxglove hides it else'
+    assert arm['followTf'] == 'world'
+    for name in ('position', 'velocity', 'effort'):
+        assert [path['value'] for path in panels[f'Plot!{name}']['paths']] == [
+            f'/joint_states.{name}[{k}]' for k in range(7)]
+    curves = [curve.get('name') for curve in ElementTree.parse(LAYOUTS / 'view.plotjuggler.xml').iter('curve')]
+    assert curves == [f'/joint_states/{joint}/{name}' for name in ('position', 'velocity', 'effort')
+                      for joint in chain.joint_names]

@@ -13,11 +13,12 @@ from live import PATIENCE, Peer, run, simulator, stamp_ns
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 import numpy as np
+from oracles.log_frames import check_frames
 import pytest
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import get_typestore, Stores
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray
+from std_msgs.msg import Float64MultiArray, String
 import yaml
 
 from planar_chain_sim import load_chain, rollout
@@ -115,6 +116,22 @@ def test_one_flipped_bit_is_found(held, tmp_path):
     code, output = resimulate(tmp_path / 'flipped.mcap')
     assert code == 1, output
     assert "different: t = 7 s, tick 7000, joint 'upper_arm_joint': position is " in output
+
+
+def test_frames_are_recorded_as_the_node_would_publish_them(tmp_path):
+    path = tmp_path / 'run.mcap'
+    with simulator(record=path, record_tf=True, rate=200) as process, Peer() as peer:
+        texts = peer.listen(String, '/robot_description', latched=True)
+        peer.until(lambda: texts and peer.states)
+        begun = stamp_ns(peer.states[-1])
+        peer.new_state(lambda state: stamp_ns(state) > begun + 200_000_000)
+        assert process.stop() == 0, process.output
+    assert [decode_string(message.data) for message in messages(path, '/robot_description')] == [texts[0].data]
+    ticks = {decode_joint_state(message.data).stamp: message.sequence for message in messages(path, STATES)}
+    assert [ticks[stamp] for stamp in check_frames(path, load_chain('four_link_robot.yaml'))] == [
+        *range(0, len(ticks), 4)], 'every 20 ms'
+    code, output = resimulate(path)
+    assert code == 0, output
 
 
 def test_a_killed_node_leaves_a_log_that_runs_again(tmp_path):
