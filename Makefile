@@ -30,11 +30,13 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 .PHONY: run help check test lint colcon docs bench soak fuzz races aarch64 clean
 .NOTPARALLEL:
 
+# The page shows what the simulator publishes and ends with it.
 run: $(RUN_READY)
-	@exec $(VENV)/bin/simulator $(ARGS)
+	@$(if $(filter 0,$(VIEW)),,$(VENV)/bin/view --beside $(ARGS) &) exec $(VENV)/bin/simulator $(ARGS)
 
 help:
-	@echo 'make run      simulate until Ctrl-C; ARGS="double_pendulum.yaml --ros-args -p rate:=500.0" are arguments'
+	@echo 'make run      simulate until Ctrl-C, with a page in the browser unless VIEW=0'
+	@echo '              ARGS="double_pendulum.yaml --ros-args -p rate:=500.0" are arguments'
 	@echo 'make check    run the fast tests, none of which needs ROS: a minute or two'
 	@echo 'make test     run all tests; ARGS="test/ros/test_node.py -k pause" are arguments of pytest'
 	@echo 'make lint     style, types and compiler warnings'

@@ -4,7 +4,7 @@ from __future__ import annotations
 from collections import deque
 from math import inf, isfinite
 from pathlib import Path
-from threading import Event, Thread
+from threading import Event
 from time import monotonic
 from typing import Any, Callable, Mapping, Optional, Sequence
 
@@ -19,7 +19,7 @@ from ..chain.joint_arrays import initial_state
 from ..chain.quantities import changed_chain, QUANTITIES, to_json
 from ..chain_file import find_chain_file, load_chain
 from ..errors import ChainError, Mistake, SimulationError
-from ..motion.simulation import Simulation
+from ..motion.simulation import Interrupted, Simulation
 
 PERIOD = 0.005        # s between two turns of the loop
 LOOK_PERIOD = 0.2     # s between two looks at the file
@@ -45,24 +45,18 @@ class ChainSource(Source):
         self._simulation = Simulation(self._loaded, step=STEP)
         self._grips = Grips()
         self._requests: deque[Callable[[], None]] = deque()
-        self._wake, self._stopping = Event(), False
+        self._wake = Event()
         self._paused, self._factor, self._fault, self._end = False, 1.0, '', ''
         self._states: Optional[tuple[State, ...]] = None
         self._measured, self._lateness = 1.0, 0.0
-        self._thread = Thread(target=self._run, name='simulation', daemon=True)
         self._show()
-
-    def start(self) -> None:
-        """Let it move."""
-        self._thread.start()
 
     def close(self) -> None:
         """End the thread."""
         self._stopping = True
         self._wake.set()
-        if self._thread.is_alive():
-            self._simulation.interrupt()
-            self._thread.join()
+        self._simulation.interrupt()
+        super().close()
 
     def states(self) -> Optional[Sequence[State]]:
         """Return the newest state."""
@@ -76,20 +70,9 @@ class ChainSource(Source):
         """Do what a page asks for; Mistake: it has no effect."""
         do, chain = action['do'], self._simulation.chain
         if do == 'effort':
-            if action['joint'] not in chain.joint_names:
-                raise Mistake(f'{action["joint"]!r:.80} is no joint of {chain.name}')
-            if action['value'] is None:
-                self._grips.drop_effort(action['joint'])
-            else:
-                self._grips.hold_effort(page, action['joint'], action['value'])
+            self._grips.hold(page, chain, action['joint'], action['value'])
         elif do == 'pull':
-            if action['body'] not in chain.body_index:
-                raise Mistake(f'{action["body"]!r:.80} is no body of {chain.name}')
-            try:
-                self._grips.pull(page, chain, self._simulation.position, action['body'], complex(*action['point']),
-                                 complex(*action['to']))
-            except ValueError as error:
-                raise Mistake(str(error)) from None
+            self._grips.pull(page, chain, self._simulation.position, action['body'], action['point'], action['to'])
         elif do == 'release':
             self._grips.release(page)
         elif do == 'set':
@@ -163,7 +146,7 @@ class ChainSource(Source):
         late = due * step / self._factor
         self._lateness = max(late - PERIOD, 0.0)
         if late > MOST_LATE:
-            self.tell({'tick': self._simulation.tick, 'kind': 'dropped_time', 'data': {'seconds': late}})
+            self.events.say({'tick': self._simulation.tick, 'kind': 'dropped_time', 'data': {'seconds': late}})
             self._anchor()
             return
         end = now + 4 * PERIOD
@@ -189,14 +172,16 @@ class ChainSource(Source):
                 simulation.set_wrench(body)
         try:
             simulation.advance(ticks, effort)
+        except Interrupted:   # by close()
+            return
         except SimulationError as error:
             self._end = str(error)
-            self.tell({'tick': simulation.tick, 'kind': 'divergence' if error.ran_away else 'stopped',
-                       'data': {'message': str(error)}})
+            self.events.say({'tick': simulation.tick, 'kind': 'divergence' if error.ran_away else 'stopped',
+                             'data': {'message': str(error)}})
             self._tell_status()
         for event in simulation.take_events():
-            self.tell({'tick': event.tick, 'kind': event.kind,
-                       'data': {'joint': event.joint, 'time': event.time, 'speed': event.speed}})
+            self.events.say({'tick': event.tick, 'kind': event.kind,
+                             'data': {'joint': event.joint, 'time': event.time, 'speed': event.speed}})
 
     def _publish(self) -> None:
         simulation = self._simulation
@@ -253,7 +238,7 @@ class ChainSource(Source):
         self._show()
 
     def _event(self, kind: str, **data: Any) -> None:
-        self.tell({'tick': self._simulation.tick, 'kind': kind, 'data': data})
+        self.events.say({'tick': self._simulation.tick, 'kind': kind, 'data': data})
 
     def _looked(self) -> Optional[tuple]:
         """Return what changes with the file; None if there is no file."""
@@ -299,8 +284,7 @@ class ChainSource(Source):
     def _show(self) -> None:
         """Show the arm as it is now."""
         simulation = self._simulation
-        self._states = None
-        self.announce([Scene(simulation.chain, len(simulation.own_chain.bodies))])
+        self.show([Scene(simulation.chain, len(simulation.own_chain.bodies))])
         self._tell_status()
         self._publish()
 

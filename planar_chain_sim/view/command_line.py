@@ -1,18 +1,27 @@
-"""The executable `view`: a page in the browser that shows a robot, a chain or a log, and lets you push it."""
+"""The executable `view`: a page in the browser that shows a robot or a chain, and lets you push it."""
 from __future__ import annotations
 
 import asyncio
+from contextlib import ExitStack
 import errno
+import os
 import signal
 import sys
-from typing import Any
+from typing import Any, Callable, Optional, Sequence
 
 from .source import Source
 from ..command_line import add_hold, Parser, print_line, report, run_command, STOP_SIGNALS
 from ..errors import Mistake
 
-PORT = 8080
+HOST, PORT = '127.0.0.1', 8080
 NEEDS = 'view needs aiohttp, which `pip install aiohttp` installs'
+BESIDE = '--beside'
+PARENT_PERIOD = 0.2   # s between two looks whether the simulator is still there
+DESCRIPTION = """\
+Show an arm in the browser, move it with the mouse, and see its motion, energy and events.
+
+With a chain file it is simulated here, without ROS, and changes of the file are followed. Without one the page shows
+the robot that publishes robot_description and joint_states in ROS. Ctrl-C ends it with exit code 0."""
 
 
 def main(arguments=None) -> int:
@@ -21,44 +30,79 @@ def main(arguments=None) -> int:
 
 
 def _parser() -> Parser:
-    parser = Parser('view', 'Show a chain, or the run in a log, in the browser, and let the mouse push it.',
-                    'view four_link_robot.yaml')
-    parser.add_argument('source', metavar='CHAIN', help='chain file (YAML, URDF or MJCF), whose changes are followed')
-    parser.add_argument('--port', type=int, metavar='N', help=f'of the page; 0: any that is free (default: {PORT})')
-    parser.add_argument('--host', default='127.0.0.1', metavar='H', help='address to listen on; on any but this '
-                        "machine's own the page needs the token that is in its address (default: 127.0.0.1)")
+    parser = Parser('view', DESCRIPTION, 'view four_link_robot.yaml')
+    parser.add_argument('source', metavar='CHAIN', nargs='?', help='chain file (YAML, URDF or MJCF) to simulate')
+    parser.add_argument('--port', type=int, metavar='N', help='of the page; 0: any that is free (default: '
+                        f'{PORT}, or any where that is in use)')
+    parser.add_argument('--host', default=HOST, metavar='H', help='address to listen on; on any but this '
+                        f"machine's own the page needs the token that is in its address (default: {HOST})")
+    parser.add_argument(BESIDE, nargs='...', metavar='ARGUMENT', help='show the simulator that was started with these '
+                        'arguments, and end with the process that has started this one, as in `make run`')
     add_hold(parser)
     return parser
 
 
 def _view(arguments) -> int:
-    options = _parser().parse_args(arguments)
+    from ..ros.arguments import refuse_misplaced
+    from ..ros.process import split_arguments
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    parent = os.getppid() if given[:1] == [BESIDE] else None
+    if parent:
+        own, ros = [], remappings(given[1:])
+    else:
+        own, ros = split_arguments(given)
+        refuse_misplaced('view', own, ros)
+    options = _parser().parse_args(own)
     if options.port is not None and not 0 <= options.port <= 65535:
         raise Mistake(f'--port is {options.port}, must be from 0 to 65535')
-    return serve(_source(options), options.host, options.port)
+    if options.source is not None:
+        if ros:
+            raise Mistake(f'{ros[0]} is for a robot in ROS, but a chain file is given: leave one of them out')
+        from .chain_source import ChainSource
+        source = ChainSource(options.source, options.hold)
+        return serve(lambda ending: source, options.host, options.port)
+    if options.hold:
+        raise Mistake('--hold is for chain files, and none is given')
+    from .live_source import live_source
+    return serve(lambda ending: live_source(ros, ending), options.host, options.port, parent)
 
 
-def _source(options) -> Source:
-    from .chain_source import ChainSource
-    return ChainSource(options.source, options.hold)
+def remappings(arguments: Sequence[str]) -> list:
+    """Return of the arguments of a simulator those that say where its topics are: for a node of another name."""
+    from ..ros.arguments import WITH_VALUE
+    from ..ros.process import split_arguments
+    _, ros = split_arguments(arguments)
+    found = []
+    for flag, value in zip(ros, ros[1:]):
+        rule = value.partition('simulator:')[2] if value.startswith('simulator:') else value
+        if flag in ('-r', '--remap') and flag in WITH_VALUE and not rule.startswith(('__node:=', '__name:=')):
+            found += ['-r', rule]
+    return ['--ros-args', *found] if found else []
 
 
-def serve(source: Source, host: str, port: Any) -> int:
-    """Serve the page of a source until a stop signal; Mistake: that is impossible."""
+def serve(make_source: Callable[[ExitStack], Source], host: str, port: Optional[int],
+          parent: Optional[int] = None) -> int:
+    """Serve the page of a source until a stop signal, or until `parent` has gone; Mistake: that is impossible."""
     try:
         from .server import Server
     except ImportError as error:
         if (error.name or '').partition('.')[0] != 'aiohttp':
             raise
         raise Mistake(f'{error}: {NEEDS}') from None
-    return asyncio.run(_serve(Server, source, host, port))
+    with ExitStack() as ending:
+        return asyncio.run(_serve(Server, make_source(ending), host, port, parent))
 
 
-async def _serve(server_class, source: Source, host: str, port: Any) -> int:
-    stopped = asyncio.Event()
+async def _serve(server_class: Any, source: Source, host: str, port: Optional[int], parent: Optional[int]) -> int:
+    loop, stopped, errors = asyncio.get_running_loop(), asyncio.Event(), []
     for number in STOP_SIGNALS:
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
-            asyncio.get_running_loop().add_signal_handler(number, stopped.set)
+            loop.add_signal_handler(number, stopped.set)
+
+    def fail(error: BaseException) -> None:
+        errors.append(error)
+        loop.call_soon_threadsafe(stopped.set)
+
     server = server_class(source, host, PORT if port is None else port)
     try:
         await server.start()
@@ -70,13 +114,20 @@ async def _serve(server_class, source: Source, host: str, port: Any) -> int:
         report('view', f'port {PORT} is in use, so the page has another one')
         server = server_class(source, host, 0)
         await server.start()
-    source.start()
+    source.start(fail)
     try:
-        print_line(f'view: {server.address}')
-        await stopped.wait()
+        if parent in (None, os.getppid()):
+            print_line(f'view: the arm is at {server.address}')
+        while not stopped.is_set() and parent in (None, os.getppid()):
+            try:
+                await asyncio.wait_for(stopped.wait(), PARENT_PERIOD if parent else None)
+            except asyncio.TimeoutError:
+                pass
     finally:
         await server.stop()
         source.close()
+    if errors:
+        raise errors[0]
     return 0
 
 

@@ -2,11 +2,12 @@
 from __future__ import annotations
 
 from time import monotonic
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Optional, Sequence
 
 import numpy as np
 
 from ..chain.chain import Chain
+from ..errors import Mistake
 from ..mechanics.body_poses import body_poses, body_velocities, jacobian
 from ..mechanics.dynamics import mass_matrix
 
@@ -43,12 +44,12 @@ def make_pull(chain: Chain, position: np.ndarray, body: str, point: complex, to:
     """
     Return a pull whose spring suits the mass that it meets there: soft enough for the lightest direction.
 
-    ValueError: the point cannot move.
+    Mistake: the point cannot move.
     """
     moves = jacobian(chain, position, body, (point.real, point.imag))[:2]
     ease = float(np.linalg.eigvalsh(moves @ np.linalg.solve(mass_matrix(chain, position), moves.T))[-1])
     if not ease > 0.0:
-        raise ValueError(f'body {body!r} cannot be pulled, it is welded to the base')
+        raise Mistake(f'body {body!r} cannot be pulled, it is welded to the base')
     mass = 1.0 / ease
     return Pull(body, point, to, mass * FREQUENCY**2, 2.0 * DAMPING * mass * FREQUENCY)
 
@@ -60,21 +61,26 @@ class Grips:
         self._efforts: dict[str, tuple[Any, float, float]] = {}
         self._pulls: dict[str, tuple[Any, Pull, float]] = {}
 
-    def hold_effort(self, page: Any, joint: str, value: float) -> None:
-        """Hold an effort, N m or N, for a while."""
-        self._efforts[joint] = page, value, monotonic() + PATIENCE
-
-    def drop_effort(self, joint: str) -> None:
-        """Let go of a joint."""
-        self._efforts.pop(joint, None)
-
-    def pull(self, page: Any, chain: Chain, position: np.ndarray, body: str, point: complex, to: complex) -> None:
-        """Hold a point of a body by a spring for a while; ValueError: it cannot move."""
-        before = self._pulls.get(body)
-        if before and before[0] is page and before[1].point == point:
-            pull = before[1]._replace(to=to)
+    def hold(self, page: Any, chain: Chain, joint: str, value: Optional[float]) -> None:
+        """Hold an effort, N m or N, for a while; None lets go. Mistake: no such joint."""
+        if joint not in chain.joint_names:
+            raise Mistake(f'{joint!r:.80} is no joint of {chain.name}')
+        if value is None:
+            self._efforts.pop(joint, None)
         else:
-            pull = make_pull(chain, position, body, point, to)
+            self._efforts[joint] = page, value, monotonic() + PATIENCE
+
+    def pull(self, page: Any, chain: Chain, position: np.ndarray, body: str, point: Sequence[float],
+             to: Sequence[float]) -> None:
+        """Hold a point of a body by a spring for a while; Mistake: no such body, or it cannot move."""
+        if body not in chain.body_index:
+            raise Mistake(f'{body!r:.80} is no body of {chain.name}')
+        place, aim = complex(*point), complex(*to)
+        before = self._pulls.get(body)
+        if before and before[0] is page and before[1].point == place:
+            pull = before[1]._replace(to=aim)
+        else:
+            pull = make_pull(chain, position, body, place, aim)
         self._pulls[body] = page, pull, monotonic() + PATIENCE
 
     def release(self, page: Any) -> None:

@@ -47,6 +47,8 @@ from ..mechanics.body_poses import body_poses
 from ..mechanics.dynamics import energy
 from ..mechanics.loads import Wrench
 
+WEIGHT = 9.81   # N/kg, of which the sliders must hold what a joint carries
+
 
 class State(NamedTuple):
     """An arm at one instant: s, ticks, arrays (joints,) in rad or m, N m or N; wrenches by body; NaN is unknown."""
@@ -74,13 +76,12 @@ class Scene:
     def described(self) -> dict:
         """Return the arm as the page gets it once: names, looks, limits; null where there is no limit."""
         chain, reach = self.chain, self._reach()
-        pull = abs(chain.gravity) or 9.81
         outboard = self._outboard_mass()
         joints = []
         for index, body, joint in self._zeros:
             span = joint.effort_limit
             if not isfinite(span):   # enough to hold all that it carries, stretched out
-                span = _round_up(pull * outboard[index] * (reach[index] if joint.kind == 'rotation' else 2.0))
+                span = _round_up(WEIGHT * outboard[index] * (reach[index] if joint.kind == 'rotation' else 2.0))
             joints.append({'name': joint.name, 'kind': joint.kind, 'body': index, 'axis': joint.axis,
                            'lower': _number(joint.lower), 'upper': _number(joint.upper), 'rest': joint.rest,
                            'stiffness': joint.stiffness, 'effort_limit': _number(joint.effort_limit), 'span': span})
@@ -95,7 +96,9 @@ class Scene:
     def numbers(self, state: State) -> np.ndarray:
         """Return the part of a frame that is about this arm."""
         chain = self.chain
-        kinetic, potential = energy(chain, state.position, state.velocity)
+        known = bool(np.isfinite(state.velocity).all())
+        kinetic, potential = energy(chain, state.position, state.velocity if known else np.zeros(chain.joint_count))
+        kinetic = kinetic if known else np.nan
         point, angle, center = body_poses(chain, state.position)
         bodies = np.zeros((len(chain.bodies), 8))
         bodies[:, :2], bodies[:, 2], bodies[:, 3:5] = point, angle, center

@@ -121,7 +121,7 @@ class Server:
         page = web.WebSocketResponse(max_msg_size=LONGEST, heartbeat=QUIET, compress=False)
         await page.prepare(request)
         self._pages.add(page)
-        told = _Told(self._source.event_count)
+        told = _Told(self._source)
         try:
             async for message in page:
                 if message.type != WSMsgType.TEXT:
@@ -152,35 +152,52 @@ class Server:
         now = monotonic()
         told.next = max(begun + SHORTEST, now + SHARE * (now - begun))
         for news in told.news(self._source):
-            await page.send_str(json.dumps(news))
+            await page.send_str(as_json(news))
         await page.send_bytes(frame or b'')
 
 
 class _Told:
     """What one page has been told; `next`: when it may have its next frame."""
 
-    def __init__(self, events: int) -> None:
+    def __init__(self, source: Source) -> None:
         self.next, self.refused = 0.0, ''
-        self._revision, self._events = -1, max(0, events - 50)
+        self._revision = -1
+        self._events, self._complaints = max(0, source.events.count - 50), source.complaints.count
         self._status: Optional[Mapping[str, Any]] = None
 
     def news(self, source: Source) -> list:
         """Return the messages that are new to the page."""
         news = []
-        revision, scenes, status, count = source.revision, source.scenes, source.status, source.event_count
-        if revision != self._revision:
-            self._revision = revision
-            news.append({'scene': [scene.described() for scene in scenes], 'revision': revision, 'source': source.kind})
+        shown, status, events, complaints = source.shown, source.status, source.events.count, source.complaints.count
+        if shown.revision != self._revision:
+            self._revision = shown.revision
+            news.append({'scene': shown.described, 'revision': shown.revision, 'source': source.kind})
         if status is not self._status:
             self._status = status
             news.append({'status': status})
-        if count > self._events:
-            news.append({'events': source.events_since(self._events)})
-            self._events = count
-        if self.refused:
-            news.append({'refused': self.refused})
-            self.refused = ''
+        if events > self._events:
+            news.append({'events': source.events.since(self._events)})
+            self._events = events
+        for sentence in [self.refused] if self.refused else source.complaints.since(self._complaints)[-1:]:
+            news.append({'refused': sentence})
+        self.refused, self._complaints = '', complaints
         return news
+
+
+def as_json(message: Any) -> str:
+    """Return a message as JSON; a number that is not finite becomes a text, as JSON has none."""
+    try:
+        return json.dumps(message, allow_nan=False)
+    except ValueError:
+        return json.dumps(_finite(message))
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(each) for key, each in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(each) for each in value]
+    return str(value) if isinstance(value, float) and not isfinite(value) else value
 
 
 def checked(text: str) -> dict:

@@ -2,41 +2,65 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import Any, Mapping, Optional, Sequence
+from threading import Thread
+from typing import Any, Callable, Mapping, NamedTuple, Optional, Sequence
 
 from .scene import frame, Scene, State
 from ..errors import Mistake
 
-KEPT = 2000   # events for pages that come or look later
+KEPT = 2000   # events, for pages that come or look later
+REPEATED = ('command', 'wrench')   # kinds that may come at every tick: of those in a row the last is kept
+
+
+class Shown(NamedTuple):
+    """The arms that are shown, and a number that is another one as soon as what a page knows of them is outdated."""
+
+    revision: int
+    scenes: tuple[Scene, ...]
+    described: list
 
 
 class Source:
     """
     One thing to look at, for any number of pages.
 
-    kind: 'chain', 'live' or 'log'. scenes: an arm each; replaced as a whole, with `revision`, when something about them
-    changes. status: what the page shows beside, JSON; replaced as a whole when it changes. Its methods are called in
-    the thread of the server, its own thread may replace what they read.
+    kind: 'chain', 'live' or 'log'. shown: its arms, `status`: what the page says beside; both are replaced as a whole.
+    Its methods are called in the thread of the server; a source may have a thread of its own that replaces what they
+    read.
     """
 
     kind = ''
 
     def __init__(self) -> None:
-        self.scenes: tuple[Scene, ...] = ()
-        self.revision = 0
+        self.shown = Shown(0, (), [])
         self.status: Mapping[str, Any] = {}
-        self.event_count = 0                       # since the start
-        self._events: deque = deque(maxlen=KEPT)   # (number, event)
+        self.events = Kept()
+        self.complaints = Kept()   # sentences: what could not be done
         self._drawn: Optional[tuple] = None
+        self._thread: Optional[Thread] = None
+        self._stopping = False
 
-    def start(self) -> None:
-        """Begin."""
+    def start(self, failed: Callable[[BaseException], None]) -> None:
+        """Begin; `failed` takes an error that ends the source."""
+        def run() -> None:
+            try:
+                self._run()
+            except BaseException as error:
+                failed(error)
+        self._thread = Thread(target=run, name=self.kind, daemon=True)
+        self._thread.start()
 
     def close(self) -> None:
         """End; what pages hold is let go before."""
+        self._stopping = True
+        if self._thread:
+            self._thread.join()
+
+    def _run(self) -> None:
+        """Do what the source does in its own thread, until `_stopping`."""
 
     def states(self) -> Optional[Sequence[State]]:
-        """Return the newest state of each scene; None if there is none yet."""
+        """Return the newest state of each arm; None if there is none yet."""
         return None
 
     def act(self, page: Any, action: Mapping[str, Any]) -> None:
@@ -46,26 +70,40 @@ class Source:
     def leave(self, page: Any) -> None:
         """Let go of all that a page holds."""
 
-    def announce(self, scenes: Sequence[Scene]) -> None:
+    def show(self, scenes: Sequence[Scene]) -> None:
         """Show other arms from now on."""
-        self.scenes, self.revision = tuple(scenes), self.revision + 1
-
-    def tell(self, event: Mapping[str, Any]) -> None:
-        """Show an event."""
-        self._events.append((self.event_count, event))
-        self.event_count += 1
-
-    def events_since(self, count: int) -> list:
-        """Return the events from this number on, as far as they are kept."""
-        return [event for number, event in list(self._events) if number >= count]
+        described = [scene.described() for scene in scenes]
+        revision = self.shown.revision + (described != self.shown.described)
+        self.shown = Shown(revision, tuple(scenes), described)
 
     async def frame(self, request: Mapping[str, Any]) -> Optional[bytes]:
         """Return the frame that a page asks for; None if there is nothing to be drawn. Mistake: a bad request."""
-        revision, scenes, states = self.revision, self.scenes, self.states()
-        if states is None or len(states) != len(scenes):
+        shown, states = self.shown, self.states()
+        if not states or [len(state.position) for state in states] != [
+                scene.chain.joint_count for scene in shown.scenes]:
             return None
         drawn = self._drawn
-        if drawn is None or drawn[0] != revision or any(old is not new for old, new in zip(drawn[1], states)):
-            drawn = revision, states, frame(revision, [scene.numbers(state) for scene, state in zip(scenes, states)])
-            self._drawn = drawn   # for other pages
+        if drawn is None or drawn[0] is not shown or any(old is not new for old, new in zip(drawn[1], states)):
+            drawn = self._drawn = shown, states, frame(shown.revision, [   # for all pages
+                scene.numbers(state) for scene, state in zip(shown.scenes, states)])
         return drawn[2]
+
+
+class Kept:
+    """The last of the things that were said, for readers that come when they like; any thread may use it."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._kept: deque = deque(maxlen=KEPT)   # (number, what)
+
+    def say(self, what: Any) -> None:
+        """Say something."""
+        last = self._kept[-1] if self._kept else None
+        if last and isinstance(what, dict) and what['kind'] in REPEATED and last[1]['kind'] == what['kind']:
+            self._kept.pop()
+        self._kept.append((self.count, what))
+        self.count += 1
+
+    def since(self, count: int) -> list:
+        """Return what was said from this number on, as far as it is kept."""
+        return [what for number, what in list(self._kept) if number >= count]
