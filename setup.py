@@ -79,7 +79,8 @@ setup(
             'ros-jazzy-common-interfaces',   # sensor_msgs, std_msgs, std_srvs, diagnostic_msgs, visualization_msgs
             'ros-jazzy-rmw-fastrtps-cpp',    # a real DDS: Jazzy's default
         ],
-        'pictures': ['matplotlib', 'pillow'],   # animate, pictures, equations --picture
+        # animate, whose MP4 the last one encodes; plot; --picture
+        'pictures': ['matplotlib', 'pillow', 'imageio-ffmpeg'],
         'view': ['aiohttp'],     # the page in the browser: HTTP and WebSocket
         'test': [
             'pytest',
@@ -89,7 +90,7 @@ setup(
             'hypothesis',                # random chains, files and messages
             'mpmath',                    # 50-digit reference values
             'sympy',                     # Lagrange's equations from positions alone, symbolically
-            'matplotlib', 'pillow',      # pictures: that they can be drawn
+            'matplotlib', 'pillow', 'imageio-ffmpeg',  # pictures: that they can be drawn
             'mujoco', 'pin',             # independent dynamics libraries as oracles
             'yourdfpy', 'urdfdom-py',    # independent readers of URDF, the second is ROS's own in Python
             'xacro',                     # robot files are expanded with it where it is installed
@@ -120,6 +121,7 @@ setup(
         f'equations = {NAME}.executables:equations',
         f'urdf = {NAME}.executables:urdf',
         f'animate = {NAME}.executables:animate',
+        f'plot = {NAME}.executables:plot',
         f'view = {NAME}.executables:view',
     ]},
 )

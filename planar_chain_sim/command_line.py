@@ -18,7 +18,7 @@ STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 ENDED_BY = 128   # and the signal's number: the shell's code for a command that a signal ended
 NUMBERS = re.compile(r'-(?:[\d.]|inf|nan|pi)')   # the beginning of a value that is not an option
 LONGEST = 4000      # characters of a sentence
-PICTURES_NEED = 'pictures need matplotlib and pillow, which `pip install matplotlib pillow` installs'
+PICTURES_NEED = 'pictures need `pip install matplotlib pillow imageio-ffmpeg`'
 NOT_WRITTEN = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
 
 

@@ -9,7 +9,7 @@ import signal
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 MODULES = {'rollout': 'recording.rollout', 'resimulate': 'resimulation.command_line',
            'benchmark': 'benchmark.command_line', 'equations': 'symbolic.command_line', 'urdf': 'urdf_file',
-           'animate': 'pictures.animation', 'view': 'view.command_line'}
+           'animate': 'pictures.animation', 'plot': 'pictures.plot', 'view': 'view.command_line'}
 
 
 def run(program: str) -> int:
@@ -23,4 +23,4 @@ def run(program: str) -> int:
     return import_module(f'{__package__}.{MODULES[program]}').main()
 
 
-rollout, resimulate, benchmark, equations, urdf, animate, view = (partial(run, program) for program in MODULES)
+rollout, resimulate, benchmark, equations, urdf, animate, plot, view = (partial(run, program) for program in MODULES)

@@ -25,7 +25,7 @@ class EnergyBalance:
     Sums over the ticks since restart().
 
     error: J, energy in excess of what the balance says; size: J, the largest of its terms, at least 1e-300.
-    Both are of the last fold(). `read`: turns a list of what add() took into an array (ticks, 3, joints).
+    Both are of the last fold(). `read`: turns a list of what add() took into an array (ticks, 3, joints), at most ROWS.
     """
 
     def __init__(self, chain: Chain, step: float, position, velocity, read: Callable[[list], np.ndarray] = np.array):
@@ -44,12 +44,17 @@ class EnergyBalance:
         self._work = self._loss = self.error = 0.0
         self.size = max(abs(self._start), 1e-300)
 
-    def push(self, body: str, force, moment: float) -> None:
-        """Add a wrench from the last tick on: force [x, y], N, at a body's joint point, in its axes; moment, N m."""
+    def push(self, body: str, force, moment: float, axes: str = 'body') -> None:
+        """
+        Add a wrench from the last tick on: force [x, y], N, at a body's joint point, and moment, N m.
+
+        `axes`: of the 'body' or of the 'world'.
+        """
         index = [each.name for each in self._chain.bodies].index(body)
-        forces, moments = self._forces.setdefault(index, (np.zeros(ROWS, complex), np.zeros(ROWS)))
+        forces, moments, turns = self._forces.setdefault(
+            index, (np.zeros(ROWS, complex), np.zeros(ROWS), np.zeros(ROWS)))
         done = len(self._rows)
-        forces[done:], moments[done:] = complex(*force), moment
+        forces[done:], moments[done:], turns[done:] = complex(*force), moment, axes == 'body'
 
     def release(self) -> None:
         """Remove all wrenches. Their work since the last fold() is lost, so call restart() next."""
@@ -68,16 +73,18 @@ class EnergyBalance:
                 self._fold()
 
     def _fold(self) -> None:
-        rows, count = self._read(self._rows), len(self._rows)
+        rows = self._read(self._rows)
+        count = len(rows)
         self._rows.clear()
         position, velocity = (np.vstack((last, ends)) for last, ends in zip(self._last, rows[:, :2].swapaxes(0, 1)))
         self._last = rows[-1, :2].copy()
         travel = np.diff(position, axis=0)
         middle = 1.5 / self._step * travel - 0.25 * (velocity[1:] + velocity[:-1])
         self._work += float((rows[:, 2] * travel).sum())
-        for index, (force, moment) in self._forces.items():
-            self._work += self._work_of(index, force[:count], moment[:count], position, velocity)
-            force[:], moment[:] = force[-1], moment[-1]
+        for index, wrench in self._forces.items():
+            self._work += self._work_of(index, *(each[:count] for each in wrench), position, velocity)
+            for each in wrench:
+                each[:] = each[-1]
         for k, joint, law in self._losses:
             first, half, last = (-law.effort(joint, 0.0, rate) * rate
                                  for rate in (velocity[:-1, k], middle[:, k], velocity[1:, k]))
@@ -86,15 +93,16 @@ class EnergyBalance:
         self.error = kinetic + potential - self._start - self._work + self._loss
         self.size = max(self.size, kinetic, abs(potential), abs(self._work), self._loss)
 
-    def _work_of(self, index: int, force, moment, position, velocity) -> float:
-        """Return the work of a wrench on a body, J, over the ticks between rows of joint states."""
+    def _work_of(self, index: int, force, moment, turns, position, velocity) -> float:
+        """Return the work of a wrench on a body, J, over the ticks between rows of joint states; `turns`: 1 or 0."""
         step = self._step
         place, rate, angle, turning = _motion_of(self._chain, index, position, velocity)
         travel = np.diff(place)
         middle = 1.5 / step * travel - 0.25 * (rate[1:] + rate[:-1])
         middle_angle = 0.5 * (angle[1:] + angle[:-1]) + step / 8.0 * (turning[:-1] - turning[1:])
-        along = np.exp(-1j * angle) * rate   # in the body's own axes, in which the force stands
-        along = along[:-1] + 4.0 * np.exp(-1j * middle_angle) * middle + along[1:]
+        # the rates in the axes in which the force stands: the body's own, or the world's
+        along = (np.exp(-1j * angle[:-1] * turns) * rate[:-1] + 4.0 * np.exp(-1j * middle_angle * turns) * middle
+                 + np.exp(-1j * angle[1:] * turns) * rate[1:])
         return float((step / 6.0 * (force.conjugate() * along).real + moment * np.diff(angle)).sum())
 
 

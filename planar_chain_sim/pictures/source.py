@@ -1,0 +1,96 @@
+"""What is drawn: the run in a log, or the motion of a chain that is let go; and which of its points are traced."""
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Optional
+
+import numpy as np
+
+from ..chain.chain import Chain
+from ..chain.section import clipped, counted, suggestion
+from ..chain_file import load_chain
+from ..command_line import Parser
+from ..errors import Mistake
+from ..motion.rollout import rollout
+
+ALONE = 8.0     # s: of a chain that is not told how long
+SOURCE = 'chain file (YAML, URDF or MJCF), or an MCAP log'
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """
+    A motion as arrays: time (ticks+1,) s, position and velocity (ticks+1, joints), effort (ticks, joints).
+
+    `events`: as of Log; none of a chain that is let go. `step`: s.
+    """
+
+    name: str
+    chain: Chain
+    step: float
+    time: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+    effort: np.ndarray
+    events: list
+
+    def part(self, start: Optional[float], end: Optional[float]) -> Source:
+        """Return what lies between two times, s, with all events; None: no bound."""
+        slack = 0.5 * self.step
+        first = 0 if start is None else int(np.searchsorted(self.time, start - slack))
+        last = len(self.time) if end is None else int(np.searchsorted(self.time, end + slack))
+        rows, moves = slice(first, last), slice(first, max(first, last - 1))
+        return replace(self, time=self.time[rows], position=self.position[rows], velocity=self.velocity[rows],
+                       effort=self.effort[moves])
+
+
+def is_log(path: str) -> bool:
+    """Whether the path is that of a log."""
+    return path.lower().endswith('.mcap')
+
+
+def load_source(path: str, hold: Optional[list] = None, ticks: int = 0, step: float = 0.0) -> Source:
+    """Return the run in a log, or `ticks` steps of a chain from its initial state with no effort; Mistake."""
+    name = Path(path).name
+    if not is_log(path):
+        chain = load_chain(path, hold)
+        run = rollout(chain, ticks * step, step)
+        return Source(name, chain, step, run.time, run.position, run.velocity, run.effort, [])
+    from ..recording.log import load_log
+    log = load_log(path)
+    if len(log.time) < 2:
+        raise Mistake(f'log {clipped(path)!r} holds {counted(len(log.time), "state")}, must hold two to be drawn')
+    return Source(name, log.chain, log.settings['step'], log.time, log.position, log.velocity, log.effort, log.events)
+
+
+def add_trace(parser: Parser) -> None:
+    """Add `--trace`, for read_trace."""
+    parser.add_argument('--trace', action='append', metavar='BODY[=X,Y]', help='draw the way of the end of this body, '
+                        'or of a point in its frame, m; can be given several times (default: the ends of all bodies '
+                        'that carry nothing)')
+
+
+def read_trace(texts: Optional[list], chain: Chain) -> list:
+    """Return (index of a body, complex point in its frame or None for its end) for each option `--trace`; Mistake."""
+    if texts is None:
+        carriers = {body.carrier for body in chain.bodies}
+        return [(k, None) for k in range(len(chain.bodies)) if k not in carriers]
+    return [_traced(text, chain) for text in texts]
+
+
+def _traced(text: str, chain: Chain) -> tuple:
+    name, given, place = text.rpartition('=') if '=' in text else (text, '', '')
+    if name not in chain.body_index:
+        names = list(chain.body_index)
+        raise Mistake(f'--trace {clipped(text)!r}: {chain.name} has no body {clipped(name)!r}'
+                      f'{suggestion(name, names)}, its bodies are {clipped(", ".join(names), 200)}')
+    if not given:
+        return chain.body_index[name], None
+    try:
+        x, y = map(float, place.split(','))
+    except ValueError:
+        x = y = np.nan
+    if not max(abs(x), abs(y)) < 1e9:
+        raise Mistake(f'--trace {clipped(text)!r} must end in a point x,y in the frame of the body, two numbers of m')
+    return chain.body_index[name], complex(x, y)
