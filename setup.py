@@ -57,6 +57,7 @@ setup(
     package_data={NAME: ['py.typed', '*.pyi'],
                   f'{NAME}.benchmark': ['*.cpp', 'peers/*.cpp'],   # compiled when a benchmark needs them
                   f'{NAME}.ros': ['fast_dds.xml'],
+                  f'{NAME}.pictures': ['page.html'],
                   f'{NAME}.view': ['page/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),

@@ -81,10 +81,9 @@ class EnergyBalance:
         travel = np.diff(position, axis=0)
         middle = 1.5 / self._step * travel - 0.25 * (velocity[1:] + velocity[:-1])
         self._work += float((rows[:, 2] * travel).sum())
-        for index, wrench in self._forces.items():
-            self._work += self._work_of(index, *(each[:count] for each in wrench), position, velocity)
-            for each in wrench:
-                each[:] = each[-1]
+        for index, (force, moment, turns) in self._forces.items():
+            self._work += self._work_of(index, force[:count], moment[:count], turns[:count], position, velocity)
+            force[:], moment[:], turns[:] = force[-1], moment[-1], turns[-1]
         for k, joint, law in self._losses:
             first, half, last = (-law.effort(joint, 0.0, rate) * rate
                                  for rate in (velocity[:-1, k], middle[:, k], velocity[1:, k]))

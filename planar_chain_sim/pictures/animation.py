@@ -10,18 +10,18 @@ from .energies import stretches
 from .figure import new_picture
 from .raster import GIF_EVERY, MP4_EVERY, write_gif, write_mp4
 from .scene import Force, LEAST, Look, SAMPLE, Scene
-from .source import add_trace, ALONE, is_log, load_source, read_trace, Source, SOURCE
+from .source import add_trace, ALONE, is_log, load_source, read_trace, SOURCE, Source
 from .vector import EVERY, write_html, write_svg
 from ..chain.section import clipped
 from ..command_line import add_hold, Parser, print_line, refuse_existing, refuse_hold, run_command
 from ..errors import Mistake
 
-# By the ending of the file: rows of positions from frame to frame, and how many frames there may be of one pixel, or, of
-# the last two, of one body. A GIF is in memory as a whole.
+# By the ending of the file: rows of positions from frame to frame, and how many frames there may be of one pixel, or,
+# of the last two, of one body. A GIF is in memory as a whole.
 KINDS = {'.gif': (GIF_EVERY, 3e8), '.mp4': (MP4_EVERY, 1e12), '.svg': (EVERY, 1e5), '.html': (EVERY, 1e5)}
 LARGEST = 4000       # px
 SHORTEST, FASTEST = 1e-6, 1e6
-MOST_FRAMES = 200_000
+MOST_FRAMES, MOST_ROWS = 200_000, 2_000_000
 
 
 def main(arguments=None) -> int:
@@ -33,9 +33,9 @@ def _parser() -> Parser:
     parser = Parser('animate', 'Draw a moving picture of a chain that moves from its initial state with no effort, or '
                     'of the run in a log, to scale.', 'animate four_link_robot.yaml --output arm.mp4')
     parser.add_argument('source', metavar='CHAIN|LOG', help=SOURCE)
-    parser.add_argument('--output', metavar='FILE', help='new file: .gif, .mp4, .svg, which moves by itself in a browser, '
-                        'or .html, a page with buttons (default: the name of the chain file or log with .gif, in the '
-                        'working directory)')
+    parser.add_argument('--output', metavar='FILE', help='new file: .gif, .mp4, .svg, which moves by itself in a '
+                        'browser, or .html, a page with buttons (default: the name of the chain file or log with .gif, '
+                        'in the working directory)')
     add_hold(parser)
     parser.add_argument('--from', type=float, default=0.0, metavar='S', dest='start',
                         help='simulated time at which the picture begins, s, counted from the beginning (default: 0)')
@@ -93,8 +93,8 @@ def _motion(options, kind: str) -> tuple[Source, np.ndarray, Look]:
     else:
         rows = _rows(options.duration or ALONE, options, kind, 1)
         before = round(min(options.start / step, 1e9))
-        if before > 1e8:
-            raise Mistake(f'--from is {options.start:g} s, which is {options.start / step:.3g} steps of this speed away')
+        if before > MOST_ROWS:
+            raise Mistake(f'--from is {options.start:g} s, must be at most {MOST_ROWS * step:g} s at this speed')
         source = load_source(options.source, options.hold, before + rows, step)
         rows = _rows(rows * step, options, kind, len(source.chain.bodies))
     start = source.time[0] + options.start
@@ -111,8 +111,9 @@ def _rows(duration: float, options, kind: str, bodies: int) -> int:
     frames = min(duration / options.speed / frame, 1e9)
     most = int(min(MOST_FRAMES, room / (options.size**2 if kind in ('.gif', '.mp4') else bodies)))
     if not 1.0 <= frames + 1e-9 <= most:
-        raise Mistake(f'{duration:g} s at the speed {options.speed:g} are {frames:.3g} frames, must be from 1 to {most} '
-                      f'of this kind and size, {1 / frame:g} a second: give another --duration, --speed or --size')
+        raise Mistake(f'{duration:g} s at the speed {options.speed:g} are {frames:.3g} frames, must be from 1 to '
+                      f'{most} of this kind and size, {1 / frame:g} a second: give another --duration, --speed or '
+                      '--size')
     return round(frames) * every
 
 

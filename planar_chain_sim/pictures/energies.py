@@ -14,6 +14,7 @@ from ..motion.simulation import Simulation
 from ..recording.events import apply_event, EVENTS
 
 POINTS = 1000     # of the error, about
+JUMPS = ('reset', 'state')   # events after which the row of their tick is another state: the motion there is not logged
 
 
 class Stretch(NamedTuple):
@@ -31,7 +32,7 @@ class Stretch(NamedTuple):
 
 
 def stretches(source: Source) -> Iterator[Stretch]:
-    """Yield the parts of a run between changes of the chain, the state and the wrenches; LogError: an impossible one."""
+    """Yield the parts of a run between changes of chain, state and wrenches; LogError: an impossible one."""
     simulation, first, last, anew = Simulation(source.chain), 0, len(source.time) - 1, False
     start = round(float(source.time[0] / source.step))
     for event in source.events:
@@ -39,7 +40,9 @@ def stretches(source: Source) -> Iterator[Stretch]:
             continue
         row = min(max(event['tick'] - start, 0), last)
         if row > first:
-            yield Stretch(first, row, simulation.chain, simulation.wrenches, anew)
+            end = row - 1 if event['kind'] in JUMPS else row
+            if end > first:
+                yield Stretch(first, end, simulation.chain, simulation.wrenches, anew)
             first, anew = row, False
         try:
             apply_event(simulation, event['kind'], event['data'])
@@ -52,7 +55,7 @@ def stretches(source: Source) -> Iterator[Stretch]:
 
 
 def energies(source: Source, rows: np.ndarray) -> np.ndarray:
-    """Return kinetic and potential energy, J, (2, rows), at these rows, which ascend; a payload counts while it is there."""
+    """Return kinetic and potential energy, J, (2, rows), at rows that ascend; a payload counts while it is there."""
     result = np.zeros((2, len(rows)))
     for part in stretches(source):
         mine = slice(*np.searchsorted(rows, [part.first, part.last + 1]))
@@ -62,7 +65,11 @@ def energies(source: Source, rows: np.ndarray) -> np.ndarray:
 
 
 def energy_error(source: Source) -> tuple[np.ndarray, np.ndarray]:
-    """Return times, s, and energy in excess of the balance, J, at them; it begins again at 0 after a change of the chain or the state."""
+    """
+    Return times, s, and energy in excess of the balance, J, at them.
+
+    It begins again at 0 after a change of the chain or the state.
+    """
     every = min(ROWS, max(1, len(source.effort) // POINTS))
     rows, errors = [0], [0.0]
     balance = EnergyBalance(source.chain, source.step, source.position[0], source.velocity[0], np.concatenate)

@@ -4,7 +4,7 @@ from __future__ import annotations
 from contextlib import contextmanager, suppress
 from io import BytesIO
 import os
-from typing import Iterator
+from typing import Any, Iterator
 
 from ..command_line import PICTURES_NEED
 from ..errors import Mistake
@@ -12,12 +12,13 @@ from ..errors import Mistake
 INK, FAINT, PAPER = '#1f2933', '#9aa5b1', '#ffffff'
 DARK_INK, DARK_FAINT, DARK_PAPER = '#e6e9ee', '#6b7683', '#14181d'   # where the reader's screen is dark
 OF_PICTURES = ('matplotlib', 'PIL', 'imageio_ffmpeg')
-STYLE = {'font.family': 'sans-serif', 'font.sans-serif': ['DejaVu Sans'], 'font.size': 9.0, 'text.color': INK,
-         'axes.edgecolor': FAINT, 'axes.labelcolor': INK, 'axes.titlesize': 10.0, 'axes.titlecolor': INK,
-         'axes.grid': True, 'axes.axisbelow': True, 'axes.spines.top': False, 'axes.spines.right': False,
-         'grid.color': FAINT, 'grid.alpha': 0.3, 'grid.linewidth': 0.6, 'xtick.color': INK, 'ytick.color': INK,
-         'legend.frameon': False, 'figure.facecolor': PAPER, 'axes.facecolor': PAPER, 'savefig.facecolor': PAPER,
-         'svg.hashsalt': 'planar_chain_sim', 'path.simplify_threshold': 0.2}
+STYLE: Any = {
+    'font.family': 'sans-serif', 'font.sans-serif': ['DejaVu Sans'], 'font.size': 9.0, 'text.color': INK,
+    'axes.edgecolor': FAINT, 'axes.labelcolor': INK, 'axes.titlesize': 10.0, 'axes.titlecolor': INK,
+    'axes.grid': True, 'axes.axisbelow': True, 'axes.spines.top': False, 'axes.spines.right': False,
+    'grid.color': FAINT, 'grid.alpha': 0.3, 'grid.linewidth': 0.6, 'xtick.color': INK, 'ytick.color': INK,
+    'legend.frameon': False, 'figure.facecolor': PAPER, 'axes.facecolor': PAPER, 'savefig.facecolor': PAPER,
+    'svg.hashsalt': 'planar_chain_sim', 'path.simplify_threshold': 0.2}
 
 
 def pyplot_in_style():

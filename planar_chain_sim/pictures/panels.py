@@ -17,7 +17,8 @@ from ..recording.events import EVENTS
 WHAT = {'position': ('rad', 'm'), 'velocity': ('rad/s', 'm/s'), 'effort': ('N m', 'N'), 'energy': (), 'error': (),
         'events': (), 'path': (), 'arm': ()}
 PLANE = ('path', 'arm')
-LINES, MARKS = ('-', '--', ':', '-.'), ('o', 'x', '^', 's')     # of the sources
+LINES: Any = ('-', '--', ':', '-.')     # of the sources
+MARKS = ('o', 'x', '^', 's')
 BINS = 1200          # of a curve: each keeps its smallest and its largest value
 ROWS = 200_000       # of a motion, of which energies and paths are computed
 MARKED = 40          # events that are lines in all panels; more would cover the curves
@@ -57,7 +58,7 @@ def draw(sources: list, traces: list, what: list, joints: list, kind: str) -> by
 
 
 def _places(timed: int, plane: int) -> tuple:
-    """Return a figure, axes for panels against time, in one or two columns, then those in the plane, and its width, in."""
+    """Return a figure, axes for panels against time, in one or two columns, then in the plane; its width, inches."""
     columns = min(timed, 1 if timed < 4 else 2)
     rows = max(1, -(-timed // max(columns, 1)))
     across = 1 if columns else max(plane, 1)      # columns of those in the plane
@@ -189,8 +190,9 @@ def _legend(drawn, sources: list, joints: list, wide: float) -> None:
     if len(joints) > NAMED:
         entries.append(Line2D([], [], linestyle='none', label=f'and {len(joints) - NAMED} more'))
     if len(sources) > 1:
-        entries += [Line2D([], [], color=INK, linestyle=LINES[k], marker=MARKS[k], markersize=3.5,
-                           markerfacecolor='none' if k else INK, label=_text(each.name)) for k, each in enumerate(sources)]
+        entries += [Line2D([], [], color=INK, linestyle=line, marker=mark, markersize=3.5, label=_text(each.name),
+                           markerfacecolor=INK if mark == MARKS[0] else 'none')
+                    for each, line, mark in zip(sources, LINES, MARKS)]
     if entries:
         longest = max(len(each.get_label()) for each in entries)
         drawn.legend(handles=entries, loc='outside upper left', fontsize=8,
@@ -198,7 +200,7 @@ def _legend(drawn, sources: list, joints: list, wide: float) -> None:
 
 
 def _text(name: str) -> str:
-    """Return a name as matplotlib takes it: it would leave out one that begins with _, and set mathematics between $."""
+    """Return a name for matplotlib, which would leave out one that begins with _, and set mathematics between $."""
     return f'{" " if name[:1] == "_" else ""}{name}'.replace('$', r'\$')
 
 
@@ -208,7 +210,7 @@ def _some(source: Source) -> np.ndarray:
 
 
 def kept_rows(values: np.ndarray) -> np.ndarray:
-    """Return the rows of the smallest and the largest value in each of BINS parts, in order; all rows if they are few."""
+    """Return the rows of the smallest and the largest value in each of BINS parts; all rows if they are few."""
     count = len(values)
     if count <= 4 * BINS:
         return np.arange(count)

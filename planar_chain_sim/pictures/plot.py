@@ -10,13 +10,13 @@ import numpy as np
 
 from .figure import new_picture
 from .panels import draw, WHAT
-from .source import add_trace, ALONE, is_log, load_source, read_trace, Source, SOURCE
+from .source import add_trace, ALONE, is_log, load_source, read_trace, SOURCE, Source
 from ..chain.section import clipped, suggestion
-from ..command_line import add_hold, Parser, print_line, refuse_existing, run_command
+from ..command_line import add_hold, Parser, print_line, refuse_existing, refuse_hold, run_command
 from ..errors import Mistake
 
 KINDS = ('.png', '.svg', '.pdf')
-STEP, LONGEST = 1e-3, 1e4    # s: of a chain that is let go
+STEP, LONGEST = 1e-3, 1e3    # s: of a chain that is let go
 MOST = 4                     # sources: as many kinds of lines as can be told apart
 
 
@@ -29,12 +29,12 @@ def _parser() -> Parser:
     parser = Parser('plot', 'Draw what logs hold, or how chains move from their initial state with no effort, against '
                     'time. Several are drawn over one another.', 'plot swing.mcap --what position,energy --to 5')
     parser.add_argument('source', nargs='+', metavar='LOG|CHAIN', help=f'{SOURCE}; at most {MOST}')
-    parser.add_argument('--output', metavar='FILE', help=f'new file, {", ".join(KINDS)} (default: the name of the first '
-                        'source with .png, in the working directory)')
-    parser.add_argument('--what', metavar='LIST', help=f'what is drawn, joined by commas: {", ".join(WHAT)}, the last of '
-                        'which is the arm at moments of that time (default: all that there is, but arm)')
-    parser.add_argument('--joints', metavar='LIST', help='names of the joints that are drawn, joined by commas (default: '
-                        'all)')
+    parser.add_argument('--output', metavar='FILE', help=f'new file, {", ".join(KINDS)} (default: the name of the '
+                        'first source with .png, in the working directory)')
+    parser.add_argument('--what', metavar='LIST', help=f'what is drawn, joined by commas: {", ".join(WHAT)}, the last '
+                        'of which is the arm at moments of that time (default: all that there is, but arm)')
+    parser.add_argument('--joints', metavar='LIST', help='names of the joints that are drawn, joined by commas '
+                        '(default: all)')
     parser.add_argument('--from', type=float, dest='start', metavar='S', help='simulated time, s, from which is drawn')
     parser.add_argument('--to', type=float, dest='end', metavar='S', help='simulated time, s, up to which is drawn '
                         f'(default: all of a log, {ALONE:g} of a chain)')
@@ -57,6 +57,8 @@ def _plot(arguments) -> int:
             raise Mistake(f'{name} is {value:g}, must be a number of seconds')
     if None not in (options.start, options.end) and not options.start < options.end:
         raise Mistake(f'--from is {options.start:g} s, must be below --to, {options.end:g} s')
+    if all(map(is_log, options.source)):
+        refuse_hold(options)
     refuse_existing(path)
     sources = [_part(each, options) for each in options.source]
     if len({each.name for each in sources}) < len(sources):

@@ -9,15 +9,16 @@ from typing import Callable, Iterator
 import numpy as np
 
 from .figure import FAINT, INK, PAPER, pyplot_in_style
-from .scene import Scene, SAMPLE
+from .scene import SAMPLE, Scene
 from ..errors import Mistake
 
 DPI = 72                        # a point is a pixel
 GIF_EVERY, MP4_EVERY = 4, 2     # rows from frame to frame: 25 and 50 frames a second; GIF counts in 10 ms
 SHADES = 8                      # of each colour in a GIF, between it and the paper
-NAMED = {'ink': INK, 'faint': FAINT, 'paper': PAPER, 'grid': (*(int(FAINT[k:k + 2], 16) / 255 for k in (1, 3, 5)), 0.3)}
+NAMED: dict = {'ink': INK, 'faint': FAINT, 'paper': PAPER, 'grid': f'{FAINT}4c'}    # of an opacity of 0.3
 ENCODE = ('-c:v libx264 -preset medium -crf 18 -vf scale=out_color_matrix=bt709:out_range=tv,format=yuv420p '
-          '-colorspace bt709 -color_primaries bt709 -color_trc bt709 -color_range tv -movflags +faststart -f mp4').split()
+          '-colorspace bt709 -color_primaries bt709 -color_trc bt709 -color_range tv -movflags +faststart '
+          '-f mp4').split()
 
 
 class Raster:
@@ -75,8 +76,9 @@ def _polyline(points: np.ndarray) -> np.ndarray:
 def _palette(scene: Scene) -> list:
     """Return the colours of a scene, with their shades at the edges of lines, for all frames of a GIF."""
     from matplotlib.colors import to_rgb
-    colors = dict.fromkeys([INK, FAINT, *(each.color[:3] for each in scene.strokes if isinstance(each.color, tuple))])
-    inks = np.array([to_rgb(color) for color in colors])[:127]
+    colors = dict.fromkeys([to_rgb(INK), to_rgb(FAINT), *(each.color[:3] for each in scene.strokes
+                                                          if isinstance(each.color, tuple))])
+    inks = np.array(list(colors))[:127]
     shades = np.linspace(1.0, 0.0, min(SHADES, 254 // len(inks)), endpoint=False)
     mixed = [1.0 - shade * (1.0 - ink) for shade in shades for ink in inks]
     return (255.0 * np.array([(1.0, 1.0, 1.0), *mixed])).round().astype(int).ravel().tolist()

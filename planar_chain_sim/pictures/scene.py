@@ -11,7 +11,7 @@ from typing import NamedTuple, Optional, Union
 import numpy as np
 
 from ..chain.chain import Chain
-from ..chain.tree import BASE
+from ..chain.tree import BASE, Joint
 from ..chain.visual import body_color
 from ..mechanics.body_lines import body_lines
 from ..mechanics.body_poses import body_poses
@@ -93,7 +93,8 @@ class Scene:
                         for color, body in zip(colors, self._lines) for line in body]
         for color, point, middle in zip(colors, self._point.T, center.T):
             ring = self._stroke(color, 2.0 * thick, [point])
-            self.strokes += [ring, Stroke('paper', 0.9 * thick, ring.points), self._stroke('ink', 0.8 * thick, [middle])]
+            self.strokes += [ring, Stroke('paper', 0.9 * thick, ring.points),
+                             self._stroke('ink', 0.8 * thick, [middle])]
         self.strokes += self._arrows(0.7 * thick)
 
     def px(self, places: np.ndarray) -> np.ndarray:
@@ -150,8 +151,8 @@ class Scene:
         for k, body in enumerate(self._chain.bodies):
             turn = np.ones(1) if body.carrier == BASE else self._turn[:, body.carrier]
             if body.slide is not None:
-                strokes += self._rail(k, self._position[:, joints[body.slide.name]], np.exp(1j * body.slide.axis) * turn,
-                                      thin)
+                strokes += self._rail(k, body.slide, self._position[:, joints[body.slide.name]],
+                                      np.exp(1j * body.slide.axis) * turn, thin)
             if body.rotation is not None and body.rotation.upper - body.rotation.lower < 2.0 * np.pi:
                 start, end = (each[0] for each in self._lines[k][0])
                 own = np.angle((end - start) * np.conj(self._turn[0, k])) if end != start else 0.0
@@ -161,18 +162,17 @@ class Scene:
                         self._point[:, k] + share * along for share in (0.035, 0.075)]))
         return strokes
 
-    def _rail(self, k: int, moved: np.ndarray, along: np.ndarray, thin: float) -> list:
+    def _rail(self, k: int, slide: Joint, moved: np.ndarray, along: np.ndarray, thin: float) -> list:
         """Return the rail on which a body slides by `moved`, m, its stops, if they are near, and its spring."""
-        body = self._chain.bodies[k]
         zero, ends, strokes = self._point[:, k] - moved * along, [], []
-        for stop, reached, side in ((body.slide.lower, moved.min(), -1.0), (body.slide.upper, moved.max(), 1.0)):
+        for stop, reached, side in ((slide.lower, moved.min(), -1.0), (slide.upper, moved.max(), 1.0)):
             near = abs(stop - reached) < 0.3 * self._reach
             ends.append(zero + (stop if near else reached + 0.05 * side * self._reach) * along)
             if near:
                 cap = 0.018j * self._reach * along
                 strokes.append(self._stroke('faint', 1.5 * thin, [ends[-1] - cap, ends[-1] + cap]))
         strokes.append(self._stroke('faint', thin, ends))
-        if body.slide.stiffness:
+        if slide.stiffness:
             across, way = 0.016j * self._reach * along, self._point[:, k] - ends[0]
             strokes.append(self._stroke('faint', thin, [ends[0] + share * way + side * across for share, side in zip(
                 (0.0, 0.1, *np.linspace(0.15, 0.85, 8), 0.9, 1.0), (0, 0, 1, -1, 1, -1, 1, -1, 1, -1, 0, 0))]))

@@ -91,6 +91,6 @@ def _traced(text: str, chain: Chain) -> tuple:
         x, y = map(float, place.split(','))
     except ValueError:
         x = y = np.nan
-    if not max(abs(x), abs(y)) < 1e9:
+    if not (abs(x) < 1e9 and abs(y) < 1e9):
         raise Mistake(f'--trace {clipped(text)!r} must end in a point x,y in the frame of the body, two numbers of m')
     return chain.body_index[name], complex(x, y)

@@ -2,6 +2,8 @@
 from __future__ import annotations
 
 from html import escape
+from importlib.resources import files
+from string import Template
 from typing import Callable
 
 import numpy as np
@@ -20,8 +22,9 @@ def write_svg(scene: Scene, stream, done: Callable[[int], object]) -> None:
 
 def write_html(scene: Scene, stream, done: Callable[[int], object]) -> None:
     """Write a page with the scene, a button, a slider, and a choice of the speed, in UTF-8."""
-    stream.write(PAGE.format(title=escape(scene.title), drawing=_document(scene, done), style=_style(scene, 'html'),
-                             frame=EVERY * SAMPLE, last=(scene.rows - 1) * SAMPLE).encode())
+    page = Template(files(__package__).joinpath('page.html').read_text())
+    stream.write(page.substitute(title=escape(scene.title), drawing=_document(scene, done), style=_style(scene, 'html'),
+                                 frame=f'{EVERY * SAMPLE:.6g}', last=f'{(scene.rows - 1) * SAMPLE:.6g}').encode())
 
 
 def _document(scene: Scene, done: Callable[[int], object]) -> str:
@@ -118,61 +121,3 @@ def _times(scene: Scene, rows: range, moves: str):
                f'visibility="{"hidden" if k else "visible"}">{scene.time(rows[start])}<animate '
                f'attributeName="visibility" calcMode="discrete" values="{";".join(values)}" '
                f'keyTimes="{";".join(f"{time:.6g}" for time in times)}" {moves}/></text>')
-
-
-PAGE = '''<!doctype html>
-<html lang="en">
-<meta charset="utf-8">
-<meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<title>{title}</title>
-<style>
-:root{{color-scheme:light dark}}
-body{{margin:0;font:15px system-ui,sans-serif}}
-main{{max-width:max-content;margin:0 auto;padding:12px;box-sizing:border-box}}
-svg{{display:block;width:auto;height:auto;max-width:100%;min-width:min(100%,70vmin);max-height:calc(100vh - 80px);margin:0 auto}}
-div{{display:flex;gap:10px;align-items:center;padding-top:8px}}
-button,select{{font:inherit;padding:4px 10px}}
-button{{min-width:5.2em}}
-input{{flex:1;min-width:60px}}
-{style}
-</style>
-<main>
-{drawing}
-<div><button id="run" title="space">Pause</button>
-<input id="at" type="range" min="0" max="{last:.6g}" step="any" value="0" aria-label="time" title="arrow keys: one frame">
-<select id="pace" aria-label="speed"><option value="0.1">&#215; 0.1<option value="0.25">&#215; 0.25
-<option value="0.5">&#215; 0.5<option value="1" selected>&#215; 1<option value="2">&#215; 2<option value="4">&#215; 4</select></div>
-</main>
-<script>
-const [svg, run, at, pace] = ['svg', '#run', '#at', '#pace'].map(name => document.querySelector(name));
-const last = {last:.6g}, frame = {frame:.6g};
-let time = 0, before, running = !matchMedia('(prefers-reduced-motion: reduce)').matches;
-svg.pauseAnimations();
-function show() {{
-  svg.setCurrentTime(Math.min(time, last * (1 - 1e-9)));   // at the end itself it begins again
-  at.value = time;
-  run.textContent = running ? 'Pause' : 'Play';
-}}
-function go(now) {{
-  if (running && before !== undefined) time = (time + (now - before) / 1000 * pace.value) % last;
-  before = now;
-  show();
-  requestAnimationFrame(go);
-}}
-function step(frames) {{
-  running = false;
-  time = Math.max(0, Math.min(last, (Math.round(time / frame) + frames) * frame));
-}}
-run.onclick = () => {{ running = !running; }};
-at.oninput = () => {{ running = false; time = +at.value; }};
-onkeydown = event => {{
-  const act = {{' ': run.onclick, ArrowLeft: () => step(-1), ArrowRight: () => step(1),
-               Home: () => {{ time = 0; }}, End: () => {{ running = false; time = last; }}}}[event.key];
-  if (!act || event.ctrlKey || event.metaKey || event.altKey || event.target === pace) return;
-  event.preventDefault();
-  act();
-}};
-requestAnimationFrame(go);
-</script>
-'''

@@ -7,6 +7,7 @@ import pytest
 import planar_chain_sim as pcs
 from planar_chain_sim.chain.visual import body_color, COLORS
 from planar_chain_sim.mechanics.body_lines import body_lines
+from planar_chain_sim.pictures import plot
 from planar_chain_sim.robot_files.link_frames import LinkFrames
 from planar_chain_sim.robot_files.urdf_writer import PLANE, urdf_of
 
@@ -58,8 +59,8 @@ def test_a_colour_is_the_same_in_urdf_and_pictures(color, wanted, tmp_path):
     rgba = robot.find("link[@name='a']/visual/material/color").get('rgba')
     assert tuple(map(float, rgba.split())) == wanted
     picture = tmp_path / 'a.svg'
-    from planar_chain_sim.pictures.motion import draw_motion
-    draw_motion(chain, pcs.rollout(chain, 0.1), str(picture))
+    (tmp_path / 'a.yaml').write_text(chain.source)
+    assert plot.main([str(tmp_path / 'a.yaml'), '--to', '0.1', '--output', str(picture)]) == 0
     code = '#' + ''.join(f'{round(255 * part):02x}' for part in wanted[:3])
     assert code in picture.read_text()
 

@@ -224,7 +224,7 @@ def test_what_a_page_says_works_with_nodes(page, tmp_path, tools, monkeypatch):
 
 def test_no_page_writes_the_file_of_another():
     """Whoever follows all pages in one folder is never told that a file exists and is not overwritten."""
-    new = re.compile(r"(?:--output |record:=|OfflineLog\('|python -m planar_chain_sim\.pictures \S+ )([\w./]+)")
+    new = re.compile(r"(?:--output |record:=|OfflineLog\(')([\w./]+)")
     written = Counter(name for page in PAGES for block in blocks_of(page) if not block.untested
                       for name in new.findall(block.text))
     assert len(written) > 10 and not [name for name, times in written.items() if times > 1], written

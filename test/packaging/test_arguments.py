@@ -15,7 +15,7 @@ import planar_chain_sim as pcs
 from planar_chain_sim import command_line, urdf_file
 from planar_chain_sim.benchmark import command_line as benchmark
 from planar_chain_sim.executables import MODULES as EXECUTABLES
-from planar_chain_sim.pictures import __main__ as pictures, animation
+from planar_chain_sim.pictures import animation, plot
 from planar_chain_sim.recording import rollout
 from planar_chain_sim.recording.log_reader import read_log
 from planar_chain_sim.resimulation import command_line as resimulation
@@ -25,10 +25,10 @@ from planar_chain_sim.view import command_line as view
 ROBOT = 'four_link_robot.yaml'
 MODULES = {'rollout': 'recording.rollout', 'resimulate': 'resimulation.command_line', 'replay': 'ros.replay',
            'equations': 'symbolic.command_line', 'benchmark': 'benchmark.command_line', 'simulator': 'ros.node',
-           'example_controller': 'ros.example_controller', 'urdf': 'urdf_file', 'pictures': 'pictures.__main__',
+           'example_controller': 'ros.example_controller', 'urdf': 'urdf_file', 'plot': 'pictures.plot',
            'animate': 'pictures.animation', 'view': 'view.command_line'}
 DOORS = {'rollout': rollout.main, 'resimulate': resimulation.main, 'equations': equations.main,
-         'benchmark': benchmark.main, 'urdf': urdf_file.main, 'pictures': pictures.main,
+         'benchmark': benchmark.main, 'urdf': urdf_file.main, 'plot': plot.main,
          'animate': animation.main, 'view': view.main}
 ODD = [
     '', ' ', '-', '--', '---', '-1', '-1,2,0', '-1e3,2,0,0,0', '0', '1e300', '-1e300', '1e-300', '1e309', 'nan',
@@ -66,12 +66,13 @@ def odd_arguments(random, name):
              'equations': ['--format', '--joint', '--coordinate', '--state', '--time', '--numeric'],
              'benchmark': ['--csv', '--picture', '--folder', '--peers'],
              'urdf': ['--output', '--commands', '--states'],
-             'pictures': ['--duration'],
-             'animate': ['--output', '--duration', '--speed', '--size'],
+             'plot': ['--output', '--what', '--joints', '--from', '--to', '--trace'],
+             'animate': ['--output', '--duration', '--speed', '--size', '--from', '--trail', '--trace'],
              'view': ['--port', '--host', '--hold']}[name]
     first = {'rollout': [ROBOT], 'resimulate': ['run.mcap'], 'equations': [random.choice([ROBOT, 'run.mcap'])],
              'benchmark': [random.choice(['references', 'all', 'calls', 'nothing'])],
-             'urdf': [ROBOT], 'pictures': [ROBOT, 'out.svg'], 'animate': [random.choice([ROBOT, 'run.mcap'])],
+             'urdf': [ROBOT], 'plot': [random.choice([ROBOT, 'run.mcap'])],
+             'animate': [random.choice([ROBOT, 'run.mcap'])],
              'view': [ROBOT]}[name]
     arguments = list(first)
     for _ in range(random.randint(1, 3)):
@@ -84,13 +85,14 @@ def odd_arguments(random, name):
     return arguments
 
 
-@pytest.mark.parametrize('name', ['rollout', 'resimulate', 'equations', 'urdf', 'pictures', 'animate', 'view'])
+@pytest.mark.parametrize('name', ['rollout', 'resimulate', 'equations', 'urdf', 'plot', 'animate', 'view'])
 def test_odd_arguments_by_the_hundred(name, folder, monkeypatch, capsys):
     """In one process: 0 and a result, or 2 and one sentence. What was refused leaves no file."""
     monkeypatch.chdir(folder)
     monkeypatch.setattr(pcs.OfflineLog, 'advance', lambda *arguments: None)    # 1e9 s would take a while
-    monkeypatch.setattr(pictures, 'draw_motion', lambda chain, run, path: None)
-    monkeypatch.setattr(animation, 'draw_animation', lambda *arguments: b'')
+    monkeypatch.setattr(plot, 'draw', lambda *arguments: b'')
+    for kind in ('gif', 'mp4', 'svg', 'html'):
+        monkeypatch.setattr(animation, f'write_{kind}', lambda *arguments: None)
     monkeypatch.setattr(view, 'serve', lambda *arguments: 0)    # which goes on until a stop signal
     random, refused, kept = Random(name), 0, set(folder.iterdir())
     for _ in range(400):
@@ -105,7 +107,7 @@ def test_odd_arguments_by_the_hundred(name, folder, monkeypatch, capsys):
         assert code in (0, 2), arguments
         if code == 2:
             refused += 1
-            is_one_sentence(name, err)
+            is_one_sentence(name, ''.join(line for line in err.splitlines(True) if f'{name}: note: ' not in line))
             assert not made, (arguments, made)
         for path in made:
             path.unlink()
@@ -151,7 +153,8 @@ def test_odd_arguments_of_replay():
 
 
 @pytest.mark.parametrize('name, arguments', [
-    ('rollout', [ROBOT, '--output']), ('urdf', [ROBOT, '--output']), ('pictures', [ROBOT]), ('pictures', ['run.mcap']),
+    ('rollout', [ROBOT, '--output']), ('urdf', [ROBOT, '--output']), ('plot', [ROBOT, '--output']),
+    ('plot', ['run.mcap', '--output']),
     ('equations', [ROBOT, '--picture']), ('equations', ['run.mcap', '--time', '0.01', '--picture'])])
 def test_an_output_that_exists_is_not_overwritten(name, arguments, folder, monkeypatch, capsys):
     """The file may be the input, which would then be lost."""
@@ -171,7 +174,7 @@ def test_an_output_that_exists_is_not_overwritten(name, arguments, folder, monke
 def test_every_executable_refuses_in_one_sentence(name, arguments, tmp_path):
     done = command(name, *arguments, cwd=tmp_path, errors='surrogateescape')
     assert done.returncode == 2 and done.stdout == ''
-    is_one_sentence('pictures' if name == 'pictures' else name, done.stderr)
+    is_one_sentence(name, done.stderr)
     assert not list(tmp_path.iterdir())
 
 

@@ -19,7 +19,7 @@ import planar_chain_sim
 
 ROOT = Path(__file__).resolve().parents[2]
 NAME = 'planar_chain_sim'
-EXECUTABLES = ['animate', 'benchmark', 'equations', 'example_controller', 'replay', 'resimulate', 'rollout',
+EXECUTABLES = ['animate', 'benchmark', 'equations', 'example_controller', 'plot', 'replay', 'resimulate', 'rollout',
                'simulator', 'urdf', 'view']
 LAYOUTS = {'copied': [], 'linked': ['--symlink-install']}
 NOT_SOURCES = shutil.ignore_patterns('.*', 'build', 'install', 'log', 'dist', '*.egg-info', '__pycache__', '*.so',

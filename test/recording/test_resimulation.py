@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import planar_chain_sim as pcs
-from planar_chain_sim.pictures import __main__ as pictures
+from planar_chain_sim.pictures import plot
 from planar_chain_sim.recording import rollout
 from planar_chain_sim.recording.cdr import decode_joint_state, encode_string, JointStateLayout
 from planar_chain_sim.recording.log_reader import read_log
@@ -282,13 +282,13 @@ def test_events_that_say_nonsense_are_one_sentence(log, tmp_path, capsys):
 
 
 def test_settings_that_are_missing_or_odd_are_one_sentence_at_every_door(log, tmp_path, capsys):
-    """Each key away or with another name, and random values; by resimulate, pictures, equations."""
+    """Each key away or with another name, and random values; by resimulate, plot, equations."""
     random, short = Random(3), tmp_path / 'short.mcap'
     rewritten(log, short, keep=lambda message: message.log_time < 5e6)
     known = read_log(short).settings
     needed = sorted(set(known) - {'version', 'build'})
     doors = {'resimulate': lambda path: resimulation.main([path]),
-             'pictures': lambda path: pictures.main([path, str(tmp_path / 'drawn.svg')]),
+             'plot': lambda path: plot.main([path, '--output', str(tmp_path / 'drawn.svg')]),
              'equations': lambda path: equations.main([path, '--time', '0.002'])}
     odd = ['', ' ', '0', '-1', 'nan', 'inf', '1e400', '[]', '{}', 'null', '[1]', '["x"]', 3000 * '[', 'x', '\x00',
            '{"a": 1}', '["nan"]', '9' * 30, '0x1p-1074', '0x1p9999', 5000 * '9']
