@@ -160,9 +160,10 @@ def test_the_kernel_loads_from_its_own_package():
     assert Path(_kernel.__file__).parent == Path(planar_chain_sim.__file__).parent
 
 
-ROSDEP_KEYS = {'lz4': 'mcap-ros2-support', 'matplotlib': 'python3-matplotlib', 'mcap': 'mcap-ros2-support',
-               'numpy': 'python3-numpy', 'PIL': 'python3-pil', 'pyyaml': 'python3-yaml', 'tqdm': 'python3-tqdm',
-               'yaml': 'python3-yaml', 'zstandard': 'mcap-ros2-support'}
+ROSDEP_KEYS = {'aiohttp': 'python3-aiohttp', 'imageio_ffmpeg': 'ffmpeg', 'lz4': 'mcap-ros2-support',
+               'matplotlib': 'python3-matplotlib', 'mcap': 'mcap-ros2-support', 'numpy': 'python3-numpy',
+               'PIL': 'python3-pil', 'pyyaml': 'python3-yaml', 'tqdm': 'python3-tqdm', 'yaml': 'python3-yaml',
+               'zstandard': 'mcap-ros2-support'}
 USED_IF_INSTALLED = {'heyoka', 'mpmath', 'mujoco', 'pandas', 'pinocchio', 'pydrake', 'scipy', 'simulation_interfaces'}
 
 
