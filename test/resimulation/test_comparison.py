@@ -12,6 +12,7 @@ from planar_chain_sim.recording.rollout import main as rollout
 from planar_chain_sim.resimulation import command_line as resimulation
 from planar_chain_sim.resimulation.changed_run import changed_simulation
 from planar_chain_sim.resimulation.comparison import compare, report
+from planar_chain_sim.resimulation.parting import CURVE, Parting
 
 ROBOT = 'four_link_robot.yaml'
 NOTHING = 'no change'   # of a plan
@@ -89,7 +90,8 @@ def test_a_run_in_which_nothing_is_changed_is_equal_in_every_bit(tmp_path, seed)
     for k in range(25 * seed, 25 * seed + 25):
         random, rng, chain = Random(k), np.random.default_rng(k), random_tree(k, 1 + k % 5)
         method = random.choice(['auto', 'rk4', 'dop853', 'gauss6'])
-        simulation = pcs.Simulation(chain, method, random.choice([1e-3, 0.005, 1 / 3000]))
+        tolerance = random.choice([None, 1e-5]) if method in ('auto', 'dop853') else None
+        simulation = pcs.Simulation(chain, method, random.choice([1e-3, 0.005, 1 / 3000]), tolerance)
         simulation.advance(random.choice([0, 0, 3]))
         path = write(tmp_path / f'{k}.mcap', simulation, random_plan(random, rng, chain))
         same = {'method': simulation.method, 'step': simulation.step, 'tolerance': simulation.tolerance,
@@ -125,6 +127,28 @@ def test_differences_are_those_of_two_simulations_moved_by_hand(tmp_path, seed):
     np.testing.assert_array_equal(parting.apart, first)
     assert parting.largest_at[0].tolist() == [1e-3 * common[k] for k in differences[:, 0].argmax(axis=0)]
     assert comparison.run.late == sum(tick % ratio > 0 for tick, kind, _ in plan if kind != NOTHING)
+
+
+def test_differences_of_many_states_are_those_of_numpy():
+    """Several blocks, of which the last are equal; a largest difference that comes twice is told of the first time."""
+    rng, parting, states = np.random.default_rng(1), Parting(3, 0.7), 2 * CURVE + 5
+    rows = rng.uniform(0.0, 0.5, (states, 4, 3))
+    rows[3000:, 2:] = rows[3000:, :2]
+    rows[[10, 2000], :, 1] = [1.0, 2.0, 3.0, 5.0]
+    for k, row in enumerate(rows):
+        parting.add(0.5 * k, *row)
+    parting.close()
+    differences = np.abs(rows[:, 2:] - rows[:, :2])
+    assert not parting.equal and parting.states == states
+    assert parting.largest.tolist() == differences.max(axis=0).tolist()
+    assert parting.largest_at.tolist() == (0.5 * differences.argmax(axis=0)).tolist()
+    np.testing.assert_allclose(parting.rms, np.sqrt((differences**2).mean(axis=0)), rtol=1e-12)
+    np.testing.assert_array_equal(parting.apart, [np.nan, 5.0, np.nan])
+    assert parting.apart_from == 5.0 and parting.grown.tolist()[:4] == 4 * [0.0] and parting.grown[4] == 5.0
+    time, curve = parting.curve
+    assert len(time) == len(curve) <= CURVE and (np.diff(time) > 0).all() and time[0] == 0.0
+    assert curve.max(axis=0).tolist() == differences.max(axis=0).tolist()
+    assert not curve[time > 1500.0].any() and curve[time < 1490.0].all()
 
 
 def test_another_chain_takes_what_it_has_by_name(tmp_path):
@@ -228,7 +252,8 @@ def test_a_changed_run_that_stops_is_an_answer(tmp_path, capsys):
     capsys.readouterr()
     assert resimulation.main([str(path), '--method', 'rk4']) == 0
     said = capsys.readouterr()
-    answer = said.out.splitlines()[-1]
+    answer, states = said.out.splitlines()[-1], int(said.out.partition(': ')[2].split()[0])
+    assert 1 <= states == int(answer.partition('at tick ')[2].partition(',')[0]) + 1 < 51
     assert answer.startswith("Yes, it matters: the changed run stops (joint 'j' of body 'b' of spring")
     assert said.err.startswith('resimulate: warning: step is 0.001 s, should be below about ')
 
