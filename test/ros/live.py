@@ -29,8 +29,10 @@ class Process:
     def __init__(self, module, *arguments, **options):
         self.lines = []
         environment = dict(options.pop('env', os.environ), PYTHONPATH=os.pathsep.join(sys.path), PYTHONUNBUFFERED='1')
-        self.popen = subprocess.Popen([sys.executable, '-m', module, *map(str, arguments)], text=True, env=environment,
-                                      stdout=subprocess.PIPE, stderr=subprocess.STDOUT, errors='replace', **options)
+        command = [*options.pop('runner', ()), sys.executable, '-m', module, *map(str, arguments)]
+        options = {'stdin': subprocess.DEVNULL, **options}   # the terminal of a test run is not theirs
+        self.popen = subprocess.Popen(command, text=True, env=environment, stdout=subprocess.PIPE,
+                                      stderr=subprocess.STDOUT, errors='replace', **options)
         self._reader = Thread(target=self._read, daemon=True)
         self._reader.start()
 

@@ -1,5 +1,10 @@
 """replay over real DDS: the recorded bytes, on the recorded topics, at the recorded pace."""
+import os
+from pathlib import Path
 import signal
+import subprocess
+import sys
+import termios
 import time
 
 from live import CONFIG, PATIENCE, Peer, Process, run, simulator, stamp_ns
@@ -8,11 +13,14 @@ import pytest
 import rclpy
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from planar_chain_sim.recording.cdr import (
+    decode_clock,
     decode_float64_multi_array,
+    decode_joint_state,
     encode_float64_multi_array,
     encode_string,
     JointStateLayout,
@@ -47,6 +55,11 @@ def log(tmp_path_factory):
             writer.write(BY_NAME, layout.stamped(now), now, now)
             writer.write('/simulator/events', encode_string('{}'), now, now)
     return path
+
+
+def position_of(data):
+    """Return the number of a state of the log."""
+    return int(decode_joint_state(data).position[0])
 
 
 class Listener:
@@ -152,6 +165,106 @@ def test_recorded_commands_drive_a_simulator(tmp_path):
     assert heard == sent
 
 
+def test_a_part_of_the_log_with_its_clock(log):
+    with Listener(joint_states=JointState, clock=Clock) as listener:
+        with Process(REPLAY, log, '--what', 'states', '--start', 0.2, '--duration', 0.3, '--clock',
+                     '--wait', 60) as process:
+            assert listener.listen_to(process) == 0, process.output
+    assert [position_of(data) for data, _ in listener.heard['joint_states']] == list(range(10, 26))
+    times = [decode_clock(data) for data, _ in listener.heard['clock']]
+    assert times == sorted(times) and len(set(times)) > 3   # with a depth of 1 some may be lost, but not the last
+    assert START + 10 * APART <= times[0] and times[-1] == START + 25 * APART
+
+
+class Job(Process):
+    """replay as a job of a terminal of its own; `terminal` is the end at which the user sits."""
+
+    def __init__(self, *arguments):
+        self.terminal, theirs = os.openpty()
+        self.plain = termios.tcgetattr(self.terminal)
+        runner = [sys.executable, str(Path(__file__).with_name('terminal_job.py')), os.ttyname(theirs)]
+        super().__init__(REPLAY, *arguments, runner=runner, stdin=subprocess.PIPE, start_new_session=True)
+        os.close(theirs)
+
+    def __exit__(self, *exception):
+        if not any(line.startswith('ended ') for line in self.lines):
+            os.kill(self.number, signal.SIGKILL)
+        self.popen.stdin.close()   # at which the shell ends
+        super().__exit__(*exception)
+        os.close(self.terminal)
+
+    @property
+    def number(self):
+        """The job's process id."""
+        return int(self.wait_for('job ').split()[1])
+
+    def tell(self, word):
+        self.popen.stdin.write(f'{word}\n')
+        self.popen.stdin.flush()
+
+    def press(self, keys, answer):
+        """Press keys and return the seconds of the log that a new line with this answer names."""
+        before = sum(answer in line for line in self.lines)
+        os.write(self.terminal, keys)
+        end = time.monotonic() + PATIENCE
+        while len(found := [line for line in self.lines if answer in line]) == before:
+            assert time.monotonic() < end, self.output
+            time.sleep(0.005)
+        return float(found[-1].partition(answer)[2].split()[0])
+
+    def wait_for_keys(self):
+        """Wait until keys come unseen and one by one."""
+        end = time.monotonic() + PATIENCE
+        while termios.tcgetattr(self.terminal)[3] & (termios.ICANON | termios.ECHO):
+            assert time.monotonic() < end, self.output
+            time.sleep(0.005)
+
+
+def test_keys_pause_step_and_go_on(log):
+    with Listener(joint_states=JointState) as listener, Job(log, '--what', 'states', '--loop', '--wait', 60) as job:
+        job.tell('fg')
+        heard = listener.heard['joint_states']
+        listener.listen_until(lambda: heard)
+        job.wait_for_keys()
+        paused = job.press(b' ', 'paused at ')
+        time.sleep(0.3)
+        stepped = [job.press(key, 'stepped to ') for key in (b's', b'\x1b[C', b'\x1bOC', b's')]
+        first = round(stepped[0] / 0.02) % COUNT
+        assert stepped == pytest.approx([(first + k) % COUNT * 0.02 for k in range(4)], abs=1e-9)
+        assert -1e-6 < stepped[0] - paused < 0.02 + 1e-6 or first == 0    # no time has gone by
+        listener.listen_until(lambda: position_of(heard[-1][0]) == (first + 3) % COUNT)
+        assert job.press(b' ', 'goes on from ') == stepped[-1]
+        listener.listen_until(lambda: len(heard) > 3 * COUNT)
+        assert [position_of(data) for data, _ in heard] == [k % COUNT for k in range(len(heard))]
+        os.write(job.terminal, b'\x03')
+        job.tell('watch')
+        job.wait_for('ended 0')
+        assert termios.tcgetattr(job.terminal) == job.plain
+
+
+def test_the_terminal_is_put_back_and_a_background_job_goes_on(log):
+    with Listener(joint_states=JointState) as listener, Job(log, '--what', 'states', '--loop', '--wait', 60) as job:
+        heard = listener.heard['joint_states']
+        listener.listen_until(lambda: len(heard) > 5)             # in the background it does not wait for the terminal
+        assert termios.tcgetattr(job.terminal) == job.plain
+        job.tell('fg')
+        job.wait_for_keys()
+        os.write(job.terminal, b'\x1a')
+        job.tell('watch')
+        job.wait_for('stopped')
+        assert termios.tcgetattr(job.terminal) == job.plain
+        job.tell('bg')
+        before = len(heard)
+        listener.listen_until(lambda: len(heard) > before + 5)
+        assert termios.tcgetattr(job.terminal) == job.plain
+        job.tell('fg')
+        job.wait_for_keys()
+        os.kill(job.number, signal.SIGTERM)
+        job.tell('watch')
+        job.wait_for('ended 0')
+        assert termios.tcgetattr(job.terminal) == job.plain and 'Traceback' not in job.output
+
+
 def test_nobody_listens(log):
     code, output = run(REPLAY, log, '--wait', 0, '--speed', 20)
     assert code == 0
@@ -166,6 +279,9 @@ def test_nobody_listens(log):
     (['--start', '0.9'], 'it holds no commands after 0.9 s'),
     (['--start', '1e300'], 'it holds no commands after 1e+300 s'),
     (['--speed', '1e-300'], '--speed is 1e-300, at which the log would take 0.78 s / 1e-300, must be one at which'),
+    (['--start', '0.5', '--duration', '0'], '--duration is 0.0, must be a finite number of seconds > 0'),
+    (['--duration', 'inf'], '--duration is inf, must be a finite number of seconds > 0'),
+    (['--start', '0.9', '--duration', '1'], 'it holds no commands after 0.9 s within 1 s'),
     (['--speed', '-1e300'], '--speed is -1e+300, must be a finite number > 0'),
     (['--wait', '-1e-3'], '--wait is -0.001, must be a finite number of seconds >= 0')])
 def test_a_bad_option_is_one_sentence(log, arguments, sentence):
