@@ -30,17 +30,6 @@ def pyplot_in_style():
     return pyplot
 
 
-def figure(rows: int, columns: int, size: tuple, **settings):
-    """Return a figure of inches `size` with its axes, to be written into a file; ImportError without matplotlib."""
-    return pyplot_in_style().subplots(rows, columns, figsize=size, layout='constrained', **settings)
-
-
-def finish(drawn, axes, path: str, dpi: int) -> None:
-    """Write the figure into a new file, of the kind that its ending says, and close it; Mistake."""
-    with new_picture(path) as stream:
-        stream.write(picture_of(drawn, os.path.splitext(path)[1][1:].lower(), dpi))
-
-
 def picture_of(drawn, kind: str, dpi: int = 130) -> bytes:
     """Return the file of a figure, 'png', 'svg' or 'pdf': equal figures are equal bytes. The figure is closed."""
     from matplotlib import pyplot

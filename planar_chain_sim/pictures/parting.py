@@ -5,33 +5,34 @@ from typing import Sequence
 
 import numpy as np
 
-from .figure import figure, finish, INK
+from .figure import INK, picture_of, pyplot_in_style
 from ..chain.tree import Joint
 from ..chain.visual import COLORS
 
-FLOOR = 1e-17   # rad, m, rad/s or m/s: what is drawn for no difference
+MOST = 10   # joints that are named
 
 
 def draw_parting(joints: Sequence[Joint], time: np.ndarray, differences: np.ndarray, threshold: float,
-                 path: str) -> None:
+                 kind: str) -> bytes:
     """
-    Write a picture (PNG, SVG or PDF by the ending of `path`) of |differences| (times, 2, joints), on logarithmic axes.
+    Return a picture, 'png', 'svg' or 'pdf', of differences (times, 2, joints) >= 0, on logarithmic axes.
 
-    `time` s; the two rows are positions and velocities; `threshold`, rad or m, is a line among positions. OSError where
-    the file cannot be written.
+    `time` s; the two rows are positions and velocities; `threshold`, rad or m, is a line among positions. No difference
+    is not drawn. ImportError without matplotlib.
     """
-    drawn, axes = figure(2, 1, (9.0, 5.4), sharex=True)
+    drawn, axes = pyplot_in_style().subplots(2, 1, figsize=(9.0, 5.4), sharex=True, layout='constrained')
+    shown = np.where(differences > 0.0, differences, np.nan)
     quantities = ('position', ('m', 'rad')), ('velocity', ('m/s', 'rad/s'))
     for row, (rows, (quantity, units)) in enumerate(zip(axes, quantities)):
         for k, joint in enumerate(joints):
             slide = joint.kind == 'slide'
-            rows.plot(time, np.maximum(differences[:, row, k], FLOOR), '--' if slide else '-',
+            rows.plot(time, shown[:, row, k], '--' if slide else '-',
                       color=COLORS[k % len(COLORS)], linewidth=1.2, label=f'{joint.name}, {units[0 if slide else 1]}')
         rows.set(title=f'difference of joint {quantity}', yscale='log',
                  xlim=(time[0], max(time[-1], time[0] + 1e-9)))
     if threshold > 0.0:
         axes[0].axhline(threshold, color=INK, linewidth=0.8, linestyle=':')
-    if len(joints) <= 10:
-        axes[0].legend(frameon=False, fontsize=8, loc='lower right', ncols=2)
+    if len(joints) <= MOST:
+        axes[0].legend(loc='lower right', ncols=2)
     axes[-1].set(xlabel='time, s')
-    finish(drawn, axes, path, 110)
+    return picture_of(drawn, kind)

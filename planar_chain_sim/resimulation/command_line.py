@@ -1,16 +1,17 @@
 """The executable `resimulate`: a log's run again, bit for bit, or changed and compared."""
 from __future__ import annotations
 
-from importlib.util import find_spec
 from math import inf
+from pathlib import Path
 import sys
+from typing import Callable
 
 from .bits import resimulate
 from .changed_run import changed_simulation
 from .comparison import compare, Comparison, report
 from ..chain.section import clipped, counted
 from ..chain_file import load_chain
-from ..command_line import Parser, PICTURES_NEED, print_line, refuse_existing, run_command, write_document
+from ..command_line import Parser, print_line, run_command, write_document
 from ..errors import Mistake
 from ..motion.integrators import METHODS
 from ..motion.simulation import Simulation
@@ -85,34 +86,27 @@ def _compare(log: LogFile, options) -> int:
             raise Mistake(f'--tolerance is for adaptive methods, but method {method!r} has a fixed step')
         return changed_simulation(own, chain, parameters, options.method, options.step, options.tolerance)
 
-    if options.picture is not None:
-        refuse_picture(options.picture)
-    comparison = compare(log, change, options.threshold)
-    if options.picture is not None:
-        _draw(comparison, options.picture)
+    if options.picture is None:
+        comparison = compare(log, change, options.threshold)
+    else:
+        comparison = _draw(options.picture, lambda: compare(log, change, options.threshold))
     write_document(report(comparison))
     return 0
 
 
-def refuse_picture(path: str) -> None:
-    """Raise Mistake where no picture can be written to `path`: before the run, not after it."""
-    if not path.endswith(PICTURES):
-        raise Mistake(f'--picture {clipped(path)!r} must end in .png, .svg or .pdf')
-    refuse_existing(path)
-    if find_spec('matplotlib') is None:
-        raise Mistake(PICTURES_NEED)
-
-
-def _draw(comparison: Comparison, path: str) -> None:
+def _draw(path: str, compared: Callable[[], Comparison]) -> Comparison:
+    """Draw what is compared into a new file, which is opened first, and return it; Mistake."""
+    from ..pictures.figure import new_picture
     from ..pictures.parting import draw_parting
-    chain = comparison.run.simulation.chain
-    joints = [chain.joints[chain.joint_names.index(name)] for name in comparison.joints]
-    try:
-        draw_parting(joints, *comparison.parting.curve, comparison.parting.threshold, path)
-    except OSError as error:
-        if error.filename is None:
-            raise
-        raise Mistake(f'{path!r}: {error.strerror}') from None
+    kind = Path(path).suffix.lower()
+    if kind not in PICTURES:
+        raise Mistake(f'--picture is {clipped(path)!r}, must end in {", ".join(PICTURES)}')
+    with new_picture(path) as stream:
+        comparison = compared()
+        chain = comparison.run.simulation.chain
+        joints = [chain.joints[chain.joint_names.index(name)] for name in comparison.joints]
+        stream.write(draw_parting(joints, *comparison.parting.curve, comparison.parting.threshold, kind[1:]))
+    return comparison
 
 
 def _parameter(text: str) -> tuple[str, float]:

@@ -292,7 +292,7 @@ def test_a_picture_of_how_they_part(swing, tmp_path, capsys, ending):
     (['--chain', 'four_link_robt.yaml'], "did you mean 'four_link_robot.yaml'?"),
     (['--threshold', 'nan', '--method', 'rk4'], '--threshold is nan, must be a finite number >= 0'),
     (['--picture', 'a.png'], '--picture is for a run that is changed: give --method, '),
-    (['--method', 'rk4', '--picture', 'a.gif'], "--picture 'a.gif' must end in .png, .svg or .pdf"),
+    (['--method', 'rk4', '--picture', 'a.gif'], "--picture is 'a.gif', must end in .png, .svg, .pdf"),
     (['--method', 'rk4', '--picture', 'no/such/a.png'], "'no/such/a.png': No such file or directory"),
     (['--set', 'forearm_joint.lower=-1', '--set', 'forearm_joint.upper=-0.9'],
      "body 'forearm' key 'rotation.position' is 1.4, must lie between the stops, -1.0 and -0.9"),
