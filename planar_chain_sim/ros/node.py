@@ -129,8 +129,8 @@ def log_start(node, simulation, values, publishers, inputs) -> None:
     logger.info(f'running {simulation.chain.name}: joints {shown}; {values["rate"]:g} Hz, method {simulation.method}')
     logger.info(f'send efforts to {inputs["commands"].topic_name} (Float64MultiArray, {len(names)} in this order) or '
                 f'{inputs["joint_commands"].topic_name} (JointState, by name)')
-    logger.info(f'see it: ros2 topic echo {state}; drawn in RViz or Foxglove with publish_markers:=true, or by '
-                'ros2 launch planar_chain_sim view.launch.py')
+    logger.info(f'see it: in the browser with view (ros2 run planar_chain_sim view); ros2 topic echo {state}; in RViz '
+                'or Foxglove with publish_markers:=true, or by ros2 launch planar_chain_sim view.launch.py')
     logger.debug(simulation.plan)
 
 

@@ -40,7 +40,8 @@ class RobotClient:
     The robot whose joint_states come on that topic, seen by `node`. All but `states` is used by one thread.
 
     `wanted`: parameters of the robot's node to be read. `complain(sentence)`: what could not be done.
-    description: the newest text of robot_description. name: the full name of the robot's node, '' while unknown.
+    description: the newest text of robot_description. name: the full name of the robot's node, '' while unknown;
+    generation: another number when another node, or a new one of the name, has taken its place.
     parameters: values of `wanted`, {} where the node has them not. last_state: when the newest state came, by
     monotonic().
     """
@@ -65,7 +66,8 @@ class RobotClient:
         self._silent = 0.0   # when the publisher of commands may go
         self._wrenches: Any = None
         self._looked = 0.0
-        self.name, self.description = '', ''
+        self.name, self.description, self.generation = '', '', 0
+        self._publisher: Any = None
         self.parameters: dict[str, Any] = {}
         self.abilities: frozenset = frozenset()
 
@@ -138,11 +140,12 @@ class RobotClient:
         """Find the robot's node and what it offers."""
         node = self._node
         services = {name for name, _ in node.get_service_names_and_types()}
-        owners = [f'{each.node_namespace.rstrip("/")}/{each.node_name}'
+        owners = [(f'{each.node_namespace.rstrip("/")}/{each.node_name}', tuple(each.endpoint_gid))
                   for each in node.get_publishers_info_by_topic(self.state_topic) if each.node_name != UNNAMED]
-        name = next((owner for owner in owners if f'{owner}/pause' in services), owners[0] if owners else '')
-        if name and name != self.name:
-            self._join(name)
+        owner = next((each for each in owners if f'{each[0]}/pause' in services), owners[0] if owners else None)
+        if owner and owner != self._publisher:
+            self._publisher = owner
+            self._join(owner[0])
         abilities = {key for key, client in self._clients.items() if client.service_is_ready()}
         if self.name:
             for ability, row in (('effort', COMMANDS['joint_commands']), ('pull', INPUTS['wrench'])):
@@ -169,7 +172,7 @@ class RobotClient:
                 (self._node.destroy_subscription if former is self._events else self._node.destroy_publisher)(former)
         for client in self._clients.values():
             self._node.destroy_client(client)
-        self.name, self._commands, self.parameters = name, None, {}
+        self.name, self._commands, self.parameters, self.generation = name, None, {}, self.generation + 1
         self._events = self._polled(String, self._topic(OUTPUTS['events'].name), 1000)
         self._wrenches = self._node.create_publisher(WrenchStamped, self._topic(INPUTS['wrench'].name), 10)
         self._clients = {key: self._node.create_client(kind, f'{name}/{key}') for key, kind in SERVICES.items()}

@@ -7,7 +7,7 @@ import errno
 import os
 import signal
 import sys
-from typing import Any, Callable, Optional, Sequence
+from typing import Any, Callable, Mapping, NamedTuple, Optional, Sequence
 
 from .source import Source
 from ..command_line import add_hold, Parser, print_line, report, run_command, STOP_SIGNALS
@@ -21,7 +21,16 @@ DESCRIPTION = """\
 Show an arm in the browser, move it with the mouse, and see its motion, energy and events.
 
 With a chain file it is simulated here, without ROS, and changes of the file are followed. Without one the page shows
-the robot that publishes robot_description and joint_states in ROS. Ctrl-C ends it with exit code 0."""
+the robot that publishes robot_description and joint_states in ROS; host and port are then parameters too. Ctrl-C ends
+it with exit code 0."""
+
+
+class Place(NamedTuple):
+    """Where the page is; `chosen`: the user has chosen the port."""
+
+    host: str = HOST
+    port: int = PORT
+    chosen: bool = False
 
 
 def main(arguments=None) -> int:
@@ -34,10 +43,10 @@ def _parser() -> Parser:
     parser.add_argument('source', metavar='CHAIN', nargs='?', help='chain file (YAML, URDF or MJCF) to simulate')
     parser.add_argument('--port', type=int, metavar='N', help='of the page; 0: any that is free (default: '
                         f'{PORT}, or any where that is in use)')
-    parser.add_argument('--host', default=HOST, metavar='H', help='address to listen on; on any but this '
-                        f"machine's own the page needs the token that is in its address (default: {HOST})")
-    parser.add_argument(BESIDE, nargs='...', metavar='ARGUMENT', help='show the simulator that was started with these '
-                        'arguments, and end with the process that has started this one, as in `make run`')
+    parser.add_argument('--host', metavar='H', help="address to listen on; on any but this machine's own the page "
+                        f'needs the token that is in its address (default: {HOST})')
+    parser.add_argument(BESIDE, nargs='...', metavar='ARGUMENT', help='first of all arguments: show the simulator that '
+                        'was started with these, and end with the process that has started this one, as in `make run`')
     add_hold(parser)
     return parser
 
@@ -53,35 +62,56 @@ def _view(arguments) -> int:
         own, ros = split_arguments(given)
         refuse_misplaced('view', own, ros)
     options = _parser().parse_args(own)
+    if options.beside is not None:
+        raise Mistake(f'{BESIDE} must be the first argument')
     if options.port is not None and not 0 <= options.port <= 65535:
         raise Mistake(f'--port is {options.port}, must be from 0 to 65535')
+    told = {name: value for name, value in (('host', options.host), ('port', options.port)) if value is not None}
     if options.source is not None:
         if ros:
             raise Mistake(f'{ros[0]} is for a robot in ROS, but a chain file is given: leave one of them out')
         from .chain_source import ChainSource
         source = ChainSource(options.source, options.hold)
-        return serve(lambda ending: source, options.host, options.port)
+        return serve(lambda ending: (source, Place(**told, chosen='port' in told)))
     if options.hold:
         raise Mistake('--hold is for chain files, and none is given')
-    from .live_source import live_source
-    return serve(lambda ending: live_source(ros, ending), options.host, options.port, parent)
+    return serve(lambda ending: _live(ros, ending, told), parent)
 
 
 def remappings(arguments: Sequence[str]) -> list:
-    """Return of the arguments of a simulator those that say where its topics are: for a node of another name."""
-    from ..ros.arguments import WITH_VALUE
+    """Return of a simulator's arguments those that say where its topics are, for a node of another name."""
     from ..ros.process import split_arguments
     _, ros = split_arguments(arguments)
     found = []
     for flag, value in zip(ros, ros[1:]):
         rule = value.partition('simulator:')[2] if value.startswith('simulator:') else value
-        if flag in ('-r', '--remap') and flag in WITH_VALUE and not rule.startswith(('__node:=', '__name:=')):
+        if flag in ('-r', '--remap') and not rule.startswith(('__node:=', '__name:=')):
             found += ['-r', rule]
     return ['--ros-args', *found] if found else []
 
 
-def serve(make_source: Callable[[ExitStack], Source], host: str, port: Optional[int],
-          parent: Optional[int] = None) -> int:
+def _live(arguments: Sequence[str], ending: ExitStack, told: Mapping[str, Any]) -> tuple[Source, Place]:
+    """Return the source of a new ROS node with these arguments, and where its page is to be; Mistake."""
+    from ..ros.process import start_node
+    try:
+        node = start_node('view', arguments, ending)
+    except Mistake as error:
+        if 'cannot be loaded' not in str(error):
+            raise
+        raise Mistake(f'{error}; `view CHAIN` needs no ROS') from None
+    from .live_source import LiveSource
+    from ..ros.declaration import declare, given_values, overrides
+    from ..ros.parameters import Row
+    rows = {row.name: row for row in (
+        Row('host', HOST, 'Address that the page listens on.'),
+        Row('port', float(PORT), 'Port of the page; 0: any that is free.', (0.0, 65535.0)))}
+    chosen = 'port' in {*told, *overrides(node)}
+    values = given_values(node, rows.values(), **told)
+    declare(node, values, rows)
+    return LiveSource(node), Place(values['host'], int(values['port']), chosen)
+
+
+def serve(make: Callable[[ExitStack], tuple[Source, Place]], parent: Optional[int] = None) -> int:
     """Serve the page of a source until a stop signal, or until `parent` has gone; Mistake: that is impossible."""
     try:
         from .server import Server
@@ -90,10 +120,10 @@ def serve(make_source: Callable[[ExitStack], Source], host: str, port: Optional[
             raise
         raise Mistake(f'{error}: {NEEDS}') from None
     with ExitStack() as ending:
-        return asyncio.run(_serve(Server, make_source(ending), host, port, parent))
+        return asyncio.run(_serve(Server, *make(ending), parent))
 
 
-async def _serve(server_class: Any, source: Source, host: str, port: Optional[int], parent: Optional[int]) -> int:
+async def _serve(server_class: Any, source: Source, place: Place, parent: Optional[int]) -> int:
     loop, stopped, errors = asyncio.get_running_loop(), asyncio.Event(), []
     for number in STOP_SIGNALS:
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
@@ -103,17 +133,7 @@ async def _serve(server_class: Any, source: Source, host: str, port: Optional[in
         errors.append(error)
         loop.call_soon_threadsafe(stopped.set)
 
-    server = server_class(source, host, PORT if port is None else port)
-    try:
-        await server.start()
-    except OSError as error:
-        if error.errno != errno.EADDRINUSE:
-            raise Mistake(f'--host is {host!r:.80}: {error.strerror or error}') from None
-        if port is not None:
-            raise Mistake(f'port {port} is in use, give another one with --port, 0 for any') from None
-        report('view', f'port {PORT} is in use, so the page has another one')
-        server = server_class(source, host, 0)
-        await server.start()
+    server = await _started(server_class, source, place)
     source.start(fail)
     try:
         if parent in (None, os.getppid()):
@@ -124,11 +144,28 @@ async def _serve(server_class: Any, source: Source, host: str, port: Optional[in
             except asyncio.TimeoutError:
                 pass
     finally:
+        source.close()   # first: what pages hold is let go
         await server.stop()
-        source.close()
     if errors:
         raise errors[0]
     return 0
+
+
+async def _started(server_class: Any, source: Source, place: Place) -> Any:
+    """Return a server that listens; Mistake: it cannot."""
+    server = server_class(source, place.host, place.port)
+    try:
+        await server.start()
+        return server
+    except OSError as error:
+        await server.stop()
+        if error.errno != errno.EADDRINUSE:
+            raise Mistake(f'the page cannot be at {place.host!r:.80}, port {place.port} ({error.strerror or error}), '
+                          'choose others with --host and --port') from None
+    if place.chosen:
+        raise Mistake(f'port {place.port} is in use, give another one with --port, 0 for any')
+    report('view', f'port {place.port} is in use, so the page has another one')
+    return await _started(server_class, source, place._replace(port=0))
 
 
 if __name__ == '__main__':

@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 from collections import deque
-from contextlib import ExitStack
 from math import inf
 from time import monotonic
 from typing import Any, Callable, Mapping, Optional, Sequence
@@ -44,7 +43,7 @@ class LiveSource(Source):
         self._robot = RobotClient(node, PARAMETERS, self.complaints.say)
         self._grips = Grips()
         self._requests: deque[Callable[[], None]] = deque()
-        self._description, self._described_by = '', ''
+        self._taken = '', 0                      # description and generation of the robot that is shown
         self._bare: Optional[Chain] = None       # without payload, as the robot's files say
         self._chain: Optional[Chain] = None
         self._values: dict[str, Any] = {}
@@ -114,8 +113,8 @@ class LiveSource(Source):
                 self._requests.popleft()()
             for event in robot.events():
                 self._hear(event)
-            if robot.description and (robot.description, robot.name) != (self._description, self._described_by):
-                self._take(robot.description)
+            if robot.description and (robot.description, robot.generation) != self._taken:
+                self._take(robot.description, robot.generation)
             if self._values.keys() != robot.parameters.keys():
                 self._values = dict(robot.parameters)
                 self._adopt()
@@ -127,9 +126,9 @@ class LiveSource(Source):
         self._act_on_grips()
         robot.close()
 
-    def _take(self, text: str) -> None:
+    def _take(self, text: str, generation: int) -> None:
         """Take the robot that a text describes."""
-        self._description, self._described_by, self._values = text, self._robot.name, {}
+        self._taken, self._values = (text, generation), {}
         self._robot.parameters = {}
         try:
             with warnings.catch_warnings():
@@ -138,8 +137,7 @@ class LiveSource(Source):
             self._fault = ''
         except ChainError as error:
             self._bare, self._fault = None, str(error)
-        self._begin = None
-        self._wrenches = {}
+        self._begin, self._wrenches, self._paused = None, {}, False
         self._grips.clear()
         self._adopt()
 
@@ -264,9 +262,3 @@ def _says_the_same(chain: Chain, described: Chain) -> bool:
     pairs += [([body.mass, body.inertia], [described.bodies[index].mass, described.bodies[index].inertia], MASSES)
               for body, index in zip(chain.bodies, there)]
     return all(np.allclose(own, other, rtol=share, atol=share) for own, other, share in pairs)
-
-
-def live_source(arguments: Sequence[str], ending: ExitStack) -> LiveSource:
-    """Return the source of a new node with these ROS arguments; Mistake: ROS cannot be loaded, or refuses them."""
-    from ..ros.process import start_node
-    return LiveSource(start_node('view', arguments, ending))

@@ -25,6 +25,7 @@ LONGEST = 4096          # bytes that a page may send at once
 SHORTEST = 0.008        # s between two frames of a page
 SHARE = 4               # a frame that took long to make is made again after so many times as long
 QUIET = 30.0            # s between two signs of life
+LAST_WORDS = 1.0        # s that a page has to say good-bye
 ACTIONS: Mapping[str, Mapping[str, str]] = {
     'frame': {}, 'pause': {'value': 'flag'}, 'step': {}, 'reset': {}, 'release': {},
     'effort': {'joint': 'name', 'value': 'number or null'},
@@ -59,13 +60,13 @@ class Server:
         app.router.add_get('/{path:.*}', self._answer)
         self._runner = web.AppRunner(app, access_log=None, handle_signals=False)
         await self._runner.setup()
-        await web.TCPSite(self._runner, self._host, self._port, shutdown_timeout=1.0).start()
+        await web.TCPSite(self._runner, self._host, self._port, shutdown_timeout=LAST_WORDS).start()
         self._port = self._runner.addresses[0][1]
 
     async def stop(self) -> None:
         """Close all pages' connections and the port."""
-        for page in list(self._pages):
-            await page.close(code=1001, message=b'view has ended')
+        await asyncio.gather(*(page.close(code=1001, message=b'view has ended') for page in self._pages),
+                             return_exceptions=True)
         if self._runner:
             await self._runner.cleanup()
 
@@ -118,7 +119,7 @@ class Server:
             raise web.HTTPForbidden(text='A request without an Origin is not from the page.\n')
         if len(self._pages) >= MOST_PAGES:
             raise web.HTTPServiceUnavailable(text=f'{MOST_PAGES} pages are open already.\n')
-        page = web.WebSocketResponse(max_msg_size=LONGEST, heartbeat=QUIET, compress=False)
+        page = web.WebSocketResponse(max_msg_size=LONGEST, heartbeat=QUIET, timeout=LAST_WORDS, compress=False)
         await page.prepare(request)
         self._pages.add(page)
         told = _Told(self._source)
