@@ -204,7 +204,7 @@ def _finite(value: Any) -> Any:
 def checked(text: str) -> dict:
     """Return what a page asks for; Mistake: it is not of the form that scene.py describes."""
     try:
-        action = json.loads(text, parse_constant=lambda name: None)
+        action = json.loads(text, parse_constant=_no_number)
     except (ValueError, RecursionError):
         raise Mistake('the page has sent something that is no JSON') from None
     do = action.get('do') if isinstance(action, dict) else None
@@ -216,6 +216,10 @@ def checked(text: str) -> dict:
     for key, wanted in ACTIONS[do].items():
         told[key] = _value(key, action.get(key), wanted)
     return told
+
+
+def _no_number(name: str) -> None:
+    raise ValueError(name)
 
 
 def _value(key: str, value: Any, wanted: str) -> Any:
