@@ -314,7 +314,7 @@ class Simulation:
     @property
     def wrenches(self) -> dict[str, Wrench]:
         """The wrenches that act, by body."""
-        return {body: Wrench(*wrench) for body, *wrench in self._stepper.wrenches()}
+        return {body: Wrench._make(wrench) for body, wrench in self._stepper.wrenches()}
 
     def set_wrench(self, body: str, force: ArrayLike = (0.0, 0.0), moment: float = 0.0, axes: str = 'body') -> None:
         """

@@ -26,7 +26,12 @@ class EventSearch {
   void resize(int count) {
     count_ = count;
     values_.resize(static_cast<std::size_t>(count) * most_samples);
+    forget();
   }
+
+  // The functions at `a`, if the next search begins there.
+  double* known_at(double a) { return known_ = a, sample(1); }
+  void forget() { known_ = nowhere; }
 
   // Values at `high` and `low`.
   const double* high_values() const { return &values_[0]; }
@@ -38,8 +43,14 @@ class EventSearch {
     used_ = kept_samples, left_ = most_evaluations;
     least_width_ = 1e-14 * b;
     const int at_a = take(), at_b = take();
-    if (!evaluate(a, sample(at_a)) || !evaluate(b, sample(at_b))) return Found::failed;
-    return find_within(evaluate, a, at_a, b, at_b, none, most_depth);
+    const bool known = a == known_;
+    forget();
+    if (known) std::copy_n(sample(1), count_, sample(at_a));
+    else if (!evaluate(a, sample(at_a))) return Found::failed;
+    if (!evaluate(b, sample(at_b))) return Found::failed;
+    const Found found = find_within(evaluate, a, at_a, b, at_b, none, most_depth);
+    if (found == Found::nothing) std::copy_n(sample(at_b), count_, known_at(b));
+    return found;
   }
 
   // Between low, where function `which` is not negative, and high, where it is: moves both towards each other until
@@ -72,6 +83,8 @@ class EventSearch {
  private:
   static constexpr int none = -1, kept_samples = 2, most_depth = 44, most_samples = 2 + 2 + 4 * (most_depth + 1);
   static constexpr int most_evaluations = 600;  // beyond, only the ends of intervals are evaluated
+
+  static constexpr double nowhere = -1.0;
 
   static double spacing(double x) { return 2.0 * std::numeric_limits<double>::epsilon() * x; }
 
@@ -158,6 +171,7 @@ class EventSearch {
 
   int count_ = 0, used_ = 0, left_ = 0;
   double least_width_ = 0.0;
+  double known_ = nowhere;      // where the functions are those in row 1
   std::vector<double> values_;  // a row for each sample; the first two are those at `high` and `low`
 };
 

@@ -109,16 +109,18 @@ class WatchedMotion {
   // Looks for the first event within `into` s of the step; if there is one, `into` is where, and `violated` says what.
   // Then `located` is there.
   Found find(double& into, Progress& progress) {
+    read_at_ = none;
     Found found = watches.empty() ? Found::nothing : watch(into, progress);
-    if (found != Found::failed && shown_ != into && !state_at(into, located, progress)) found = Found::failed;
+    if (found == Found::failed || shown_ == into) return shown_ = none, found;
     shown_ = none;
-    return found;
+    if (motion_->interpolates() && read_at_ == into) return std::swap(located, later_), found;
+    return state_at(into, located, progress) ? found : Found::failed;
   }
 
  private:
   Found watch(double& into, Progress& progress) {
     if (number_ != motion_->number) {
-      number_ = motion_->number, searched_ = 0.0, violated.clear();
+      number_ = motion_->number, searched_ = 0.0, violated.clear(), search_.forget();
       if (!prepare_search(progress)) return Found::failed;
     }
     while (violated.empty() && searched_ < into) {
@@ -157,7 +159,7 @@ class WatchedMotion {
         effort_.find(located);
         effort_.find_margin();
       }
-      if (motion_->interpolates()) return true;
+      if (motion_->interpolates()) return find_values_of(located, search_.known_at(0.0)), true;
       between_.begin(located, part_.acceleration);
       if (!state_at(length_, later_, progress) || !effort_.accelerate(later_, progress)) return false;
       between_.end(later_, part_.acceleration, length_);
@@ -167,9 +169,21 @@ class WatchedMotion {
 
   // later_ <- the state `time` s into the step: by the method's interpolation, or else by that between its ends.
   bool read(double time, Progress& progress) {
+    read_at_ = time;
     if (motion_->interpolates()) return state_at(time, later_, progress);
-    between_.read(time, later_);
+    between_.read(time, later_, 0, part_.moving());
     return true;
+  }
+
+  // The same where only joint k of the moving part is needed.
+  bool read_joint(int k, double time, Progress& progress) {
+    read_at_ = none;
+    if (!motion_->interpolates()) return between_.read(time, later_, k, k + 1), true;
+    progress.outcome = motion_->joint_at(k, time, later_, progress.joint);
+    if (progress.outcome != Outcome::good) return false;
+    if (std::isfinite(later_.position[k]) && std::isfinite(later_.velocity[k])) return true;
+    progress.outcome = Outcome::not_finite, progress.joint = k;
+    return false;
   }
 
   bool find_values(double time, double* values, Progress& progress) {
@@ -177,9 +191,10 @@ class WatchedMotion {
   }
 
   bool find_value(int w, double time, double& found, Progress& progress) {
-    if (!read(time, progress)) return false;
-    if (watches[w].index < 0) {  // of lambda
-      if (!effort_.accelerate(later_, progress)) return false;
+    if (watches[w].index >= 0) {
+      if (!read_joint(watches[w].index, time, progress)) return false;
+    } else {  // of lambda
+      if (!read(time, progress) || !effort_.accelerate(later_, progress)) return false;
       effort_.find(later_);
     }
     found = value(watches[w], later_);
@@ -191,8 +206,13 @@ class WatchedMotion {
       if (!effort_.accelerate(moved, progress)) return false;
       effort_.find(moved);
     }
-    for (std::size_t w = 0; w < watches.size(); ++w) values[w] = value(watches[w], moved);
+    find_values_of(moved, values);
     return true;
+  }
+
+  // The same where lambda is known.
+  void find_values_of(const JointState& moved, double* values) const {
+    for (std::size_t w = 0; w < watches.size(); ++w) values[w] = value(watches[w], moved);
   }
 
   // Finds the first crossing in an interval in which some watches cross zero.
@@ -228,7 +248,7 @@ class WatchedMotion {
   Found end_step_there(Progress& progress) {
     if (!effort_.accelerate(located, progress)) return Found::failed;
     between_.end(located, part_.acceleration, event_at_);
-    length_ = shown_ = event_at_, searched_ = 0.0, violated.clear();
+    length_ = shown_ = event_at_, searched_ = 0.0, violated.clear(), search_.forget();
     return Found::nothing;
   }
 
@@ -319,6 +339,7 @@ class WatchedMotion {
   std::int64_t number_ = -1;                               // of the step that is searched
   double length_ = 0.0, searched_ = 0.0, event_at_ = 0.0;  // s: of the step; into it, so far; of the event
   double shown_ = none;                                    // s into the step where `located` is, if it is anywhere
+  double read_at_ = none;                                  // the same of `later_`, with all joints
   std::vector<double> values_;
   JointState later_{0};
 };

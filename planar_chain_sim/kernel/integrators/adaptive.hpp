@@ -79,7 +79,12 @@ class AdaptiveStep : public Motion {
   double behind_tick(double into) const override { return (steps_.from + into) - shown_from_; }
 
   Outcome state_at(double into, JointState& out, int&) override {
-    read_from_rest(into, steps_.base, out);
+    read_from_rest(into, steps_.base, out, 0, joints());
+    return Outcome::good;
+  }
+
+  Outcome joint_at(int wanted, double into, JointState& out, int&) override {
+    read_from_rest(into, steps_.base, out, wanted, wanted + 1);
     return Outcome::good;
   }
 
@@ -137,11 +142,14 @@ class AdaptiveStep : public Motion {
   // Prepares interpolation; called before the step that starts at `base` is read anywhere but at its end.
   virtual Outcome open(const JointState& /*base*/, int& /*joint*/) { return Outcome::good; }
 
-  // State at `offset` into the step that starts at `base`, as an unevaluated sum.
-  virtual void read(double offset, const JointState& base, JointState& out) const = 0;
+  // State of the joints from `first` to before `end`, and perhaps others, at `offset` into the step that starts at
+  // `base`, as an unevaluated sum.
+  virtual void read(double offset, const JointState& base, JointState& out, int first, int end) const = 0;
 
   // The same with exact derivatives at the start, so that a joint at rest begins in the direction of its acceleration.
-  virtual void read_from_rest(double offset, const JointState& base, JointState& out) const { read(offset, base, out); }
+  virtual void read_from_rest(double offset, const JointState& base, JointState& out, int first, int end) const {
+    read(offset, base, out, first, end);
+  }
 
   // |position| for a relative tolerance: whole turns do not make it wider.
   double size_of_position(int joint, const JointState& state) const {
@@ -224,7 +232,7 @@ class AdaptiveStep : public Motion {
     int joint;
     if (open(steps_.base, joint) != Outcome::good) return false;
     shown_from_ = since_origin(tick);
-    read_from_rest(into_step(now - static_cast<double>(tick) * tick_length_), steps_.base, next_);
+    read_from_rest(into_step(now - static_cast<double>(tick) * tick_length_), steps_.base, next_, 0, joints());
     const auto near = [](double one, double other) {
       return std::fabs(one - other) <= 1e-9 * (1.0 + std::fabs(other));
     };
@@ -258,13 +266,15 @@ class AdaptiveStep : public Motion {
     return k;
   }
 
-  void read_at(double time, JointState& out) const { read((time - steps_.from) - steps_.from_low, steps_.base, out); }
+  void read_at(double time, JointState& out) const {
+    read((time - steps_.from) - steps_.from_low, steps_.base, out, 0, joints());
+  }
 
   // Makes one more step.
   Outcome extend(int& joint) {
     if (stopped(64 * joints())) return Outcome::interrupted;
     if (steps_.length > 0.0) {
-      read(steps_.length, steps_.base, next_);
+      read(steps_.length, steps_.base, next_, 0, joints());
       joint = first_not_finite(next_);
       if (joint >= 0) return Outcome::not_finite;
       keep();

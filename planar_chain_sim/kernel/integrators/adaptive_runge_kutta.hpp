@@ -69,22 +69,25 @@ class AdaptiveRungeKutta final : public ErrorControlledStep {
     return Outcome::good;
   }
 
-  void read(double offset, const JointState& base, JointState& out) const override { read(offset, base, out, nullptr); }
+  void read(double offset, const JointState& base, JointState& out, int first, int end) const override {
+    read(offset, base, out, first, end, nullptr);
+  }
 
   // The second derivative of positions at the start is right to the interpolant's order only: x^2 z^2 e on top, which
   // changes nothing at the end, makes up for what h^2 y'' / 2 = t_2 + t_3 - t_1 lacks at x = 0.
-  void read_from_rest(double offset, const JointState& base, JointState& out) const override {
-    read(offset, base, out, stages_.row(0) + joints_);
+  void read_from_rest(double offset, const JointState& base, JointState& out, int first, int end) const override {
+    read(offset, base, out, first, end, stages_.row(0) + joints_);
   }
 
  private:
-  void read(double offset, const JointState& base, JointState& out, const double* acceleration) const {
+  void read(double offset, const JointState& base, JointState& out, int first, int end,
+            const double* acceleration) const {
     if (offset == length_) {
       out = end_;
       return;
     }
     const double x = offset / length_, z = 1.0 - x;
-    for (int i = 0; i < 2 * joints_; ++i) {
+    for (int i = first; i < joints_ + end; i = i + 1 == end ? joints_ + first : i + 1) {
       double sum = 0.0;
       for (std::size_t k = terms_.size(); k-- > 0;) sum = (sum + terms_[k][i]) * (k % 2 == 0 ? x : z);
       moved_[i] = sum;
@@ -92,7 +95,7 @@ class AdaptiveRungeKutta final : public ErrorControlledStep {
       const double bends = terms_[2][i] + (terms_.size() > 3 ? terms_[3][i] : 0.0) - terms_[1][i];
       moved_[i] += x * x * z * z * (0.5 * length_ * length_ * acceleration[i] - bends);
     }
-    move_by(base, moved_.data(), out);
+    move_by(base, moved_.data(), out, first, end);
   }
 
   // Rows: the method's stages, the end's, those of interpolation.

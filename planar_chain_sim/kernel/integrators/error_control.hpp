@@ -127,10 +127,10 @@ class ErrorControlledStep : public AdaptiveStep {
   bool again_ = false, whole_ = false, open_ = false;
 };
 
-// base + change, positions and then velocities in `change`.
-inline void move_by(const JointState& base, const double* change, JointState& out) {
+// base + change of the joints from `first` to before `end`, positions and then velocities in `change`.
+inline void move_by(const JointState& base, const double* change, JointState& out, int first, int end) {
   const std::size_t joints = base.position.size();
-  for (std::size_t i = 0; i < joints; ++i) {
+  for (int i = first; i < end; ++i) {
     add_compensated(base.position[i], base.position_remainder[i], change[i], out.position[i],
                     out.position_remainder[i]);
     add_compensated(base.velocity[i], base.velocity_remainder[i], change[joints + i], out.velocity[i],

@@ -18,10 +18,11 @@ class HermiteStep {
     to_ = state, slope_to_ = acceleration, length_ = length;
   }
 
-  void read(double into, JointState& out) const {
+  // The joints from `first` to before `end`, and perhaps others.
+  void read(double into, JointState& out, int first, int end) const {
     if (into == 0.0 || into == length_) return void(out = into == 0.0 ? from_ : to_);
     const double x = into / length_, h = length_;
-    for (std::size_t i = 0; i < out.position.size(); ++i) {
+    for (int i = first; i < end; ++i) {
       const double v0 = from_.velocity[i], v1 = to_.velocity[i], a0 = slope_from_[i], a1 = slope_to_[i];
       // What is left of the way and of the rise beyond the parabola and the straight line from the start.
       const double way = (to_.position[i] - from_.position[i]) +

@@ -109,6 +109,11 @@ class Motion : public Integrator {
   // The state `into` s into that step.
   virtual Outcome state_at(double into, JointState& out, int& joint) = 0;
 
+  // The same where only joint `wanted` of `out` is needed.
+  virtual Outcome joint_at(int /*wanted*/, double into, JointState& out, int& joint) {
+    return state_at(into, out, joint);
+  }
+
   // Whether the step under way covers `from` to `to` s behind `tick`; then `to` is `into` s into it.
   virtual bool spans(std::int64_t /*tick*/, double /*from*/, double /*to*/, double& /*into*/) { return false; }
 

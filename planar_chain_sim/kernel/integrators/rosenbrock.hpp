@@ -71,22 +71,24 @@ class Rosenbrock final : public ErrorControlledStep {
     return Outcome::good;
   }
 
-  void read(double offset, const JointState& base, JointState& out) const override { read(offset, base, out, nullptr); }
+  void read(double offset, const JointState& base, JointState& out, int first, int end) const override {
+    read(offset, base, out, first, end, nullptr);
+  }
 
   // The interpolant's own derivative at the start is right to its order only. So it gets x z^2 d on top, and positions
   // x^2 z^2 e, which change nothing at the end: d and e make up for what h y' and h^2 y'' / 2 lack at x = 0.
-  void read_from_rest(double offset, const JointState& base, JointState& out) const override {
-    read(offset, base, out, slope_.data());
+  void read_from_rest(double offset, const JointState& base, JointState& out, int first, int end) const override {
+    read(offset, base, out, first, end, slope_.data());
   }
 
  private:
-  void read(double offset, const JointState& base, JointState& out, const double* slope) const {
+  void read(double offset, const JointState& base, JointState& out, int first, int end, const double* slope) const {
     if (offset == length_) {
       out = end_;
       return;
     }
     const double x = offset / length_, z = 1.0 - x;
-    for (int i = 0; i < 2 * joints_; ++i) {
+    for (int i = first; i < joints_ + end; i = i + 1 == end ? joints_ + first : i + 1) {
       double sum = 0.0;
       for (std::size_t k = terms_.size() - 1; k > 0; --k) sum = sum * x + terms_[k][i];
       moved_[i] = x * (terms_[0][i] + z * sum);
@@ -97,7 +99,7 @@ class Rosenbrock final : public ErrorControlledStep {
       const double bends = 0.5 * length_ * length_ * slope[joints_ + i] - (terms_[2][i] - terms_[1][i] - 2.0 * lacks);
       moved_[i] += x * x * z * z * bends;
     }
-    move_by(base, moved_.data(), out);
+    move_by(base, moved_.data(), out, first, end);
   }
 
   // u = (p, w) from the right side (r, s), h_gamma = length * gamma.

@@ -10,6 +10,7 @@
 #include "../arithmetic/rough_powers.hpp"
 #include "../forms/outcome.hpp"
 #include "../forms/right_hand_side.hpp"
+#include "../forms/wide.hpp"
 #include "../model/chain.hpp"
 #include "adaptive.hpp"
 
@@ -46,13 +47,29 @@ class Taylor : public AdaptiveStep {
     return length > 0.0 ? Outcome::good : Outcome::not_finite;
   }
 
+  // The same code for both widths of vectors; without contraction the wide ones change no bit.
+  void read(double offset, const JointState& base, JointState& out, int first, int end) const override {
+    if (wide_) read_wide(offset, base, out, first, end);
+    else sum_up(offset, base, out, first, end);
+  }
+  double* velocity(int k) { return &velocity_[static_cast<std::size_t>(k) * stride_]; }
+
+  const int order_, joints_, stride_;
+  AlignedVector<double> velocity_;        // joint rates, a row for each order
+  std::vector<double> effort_, inverse_;  // inverse_[k] = 1 / k
+
+ private:
+  PLANAR_CHAIN_WIDE void read_wide(double offset, const JointState& base, JointState& out, int first, int end) const {
+    sum_up(offset, base, out, first, end);
+  }
+
   // The sums of velocity_k h^k and of velocity_(k-1) h^k / k, for four joints at a time; even and odd terms apart: half
   // the waiting of Horner's rule.
-  void read(double offset, const JointState& base, JointState& out) const override {
+  void sum_up(double offset, const JointState& base, JointState& out, int first, int end) const {
     const double square = offset * offset;
     const int pairs = order_ / 2;
-    for (int first = 0; first < joints_; first += 4) {
-      const double* v = &velocity_[first];
+    for (int group = first / 4 * 4; group < end; group += 4) {
+      const double* v = &velocity_[group];
       Four rate[2] = {}, place[2] = {};
       const auto add = [&](int k, int parity) {
         const Four coefficient = four(v + static_cast<std::size_t>(k) * stride_);
@@ -62,22 +79,16 @@ class Taylor : public AdaptiveStep {
       if (order_ % 2 != 0) add(order_, 1);
       for (int k = 2 * pairs; k >= 2; k -= 2) add(k, 0), add(k - 1, 1);
       const Four rise = (rate[1] + rate[0] * offset) * offset, way = (place[1] + place[0] * offset) * offset;
-      for (int i = first; i < joints_ && i < first + 4; ++i) {
-        const double low = base.position_remainder[i] + (way[i - first] + base.velocity_remainder[i]) * offset;
+      for (int i = group; i < joints_ && i < group + 4; ++i) {
+        const double low = base.position_remainder[i] + (way[i - group] + base.velocity_remainder[i]) * offset;
         add_compensated(base.position[i], low, base.velocity[i] * offset, out.position[i], out.position_remainder[i]);
-        add_compensated(base.velocity[i], base.velocity_remainder[i], rise[i - first], out.velocity[i],
+        add_compensated(base.velocity[i], base.velocity_remainder[i], rise[i - group], out.velocity[i],
                         out.velocity_remainder[i]);
       }
     }
   }
 
-  double* velocity(int k) { return &velocity_[static_cast<std::size_t>(k) * stride_]; }
-
-  const int order_, joints_, stride_;
-  AlignedVector<double> velocity_;        // joint rates, a row for each order
-  std::vector<double> effort_, inverse_;  // inverse_[k] = 1 / k
-
- private:
+  const bool wide_ = PLANAR_CHAIN_HAS_WIDE;
   RightHandSide right_hand_side_;
   static double larger(double a, double b) { return a > b ? a : b; }
 

@@ -180,14 +180,16 @@ class Stepper {
     scene_->put_wrenches();
   }
 
-  // (body, force as a complex number, moment, axes) of the wrenches that act, the newest last.
+  // (body, (force as a complex number, moment, axes)) of the wrenches that act, the newest last.
   py::list wrenches() const {
     const py::object kept = scene_->model;  // making Python objects may let another thread call, see take()
     const std::vector<Load> loads = scene_->loads;
     py::list list;
-    for (const Load& load : loads)
-      list.append(py::make_tuple(kept.cast<const Model&>().name_of(load.body), Complex(load.force_x, load.force_y),
-                                 load.moment, load.turns ? "body" : "world"));
+    for (const Load& load : loads) {
+      const py::tuple wrench =
+          py::make_tuple(Complex(load.force_x, load.force_y), load.moment, load.turns ? "body" : "world");
+      list.append(py::make_tuple(kept.cast<const Model&>().name_of(load.body), wrench));
+    }
     return list;
   }
 
