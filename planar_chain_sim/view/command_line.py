@@ -15,14 +15,15 @@ from ..errors import Mistake
 
 HOST, PORT = '127.0.0.1', 8080
 NEEDS = 'view needs aiohttp, which `pip install aiohttp` installs'
+MAGIC = b'\x89MCAP'     # at the beginning of a log
 BESIDE = '--beside'
 PARENT_PERIOD = 0.2   # s between two looks whether the simulator is still there
 DESCRIPTION = """\
 Show an arm in the browser, move it with the mouse, and see its motion, energy and events.
 
-With a chain file it is simulated here, without ROS, and changes of the file are followed. Without one the page shows
-the robot that publishes robot_description and joint_states in ROS; host and port are then parameters too. Ctrl-C ends
-it with exit code 0."""
+With a chain file it is simulated here, without ROS, and changes of the file are followed. A log is played, two logs are
+laid over one another. Without either the page shows the robot that publishes robot_description and joint_states in ROS;
+host and port are then parameters too. Ctrl-C ends it with exit code 0."""
 
 
 class Place(NamedTuple):
@@ -40,7 +41,8 @@ def main(arguments=None) -> int:
 
 def _parser() -> Parser:
     parser = Parser('view', DESCRIPTION, 'view four_link_robot.yaml')
-    parser.add_argument('source', metavar='CHAIN', nargs='?', help='chain file (YAML, URDF or MJCF) to simulate')
+    parser.add_argument('sources', metavar='CHAIN|LOG', nargs='*', help='chain file (YAML, URDF or MJCF) to simulate; '
+                        'or one or two logs')
     parser.add_argument('--port', type=int, metavar='N', help='of the page; 0: any that is free (default: '
                         f'{PORT}, or any where that is in use)')
     parser.add_argument('--host', metavar='H', help="address to listen on; on any but this machine's own the page "
@@ -67,15 +69,37 @@ def _view(arguments) -> int:
     if options.port is not None and not 0 <= options.port <= 65535:
         raise Mistake(f'--port is {options.port}, must be from 0 to 65535')
     told = {name: value for name, value in (('host', options.host), ('port', options.port)) if value is not None}
-    if options.source is not None:
+    if options.sources:
         if ros:
-            raise Mistake(f'{ros[0]} is for a robot in ROS, but a chain file is given: leave one of them out')
-        from .chain_source import ChainSource
-        source = ChainSource(options.source, options.hold)
+            raise Mistake(f'{ros[0]} is for a robot in ROS, but a file is given: leave one of them out')
+        source = _source(options)
         return serve(lambda ending: (source, Place(**told, chosen='port' in told)))
     if options.hold:
         raise Mistake('--hold is for chain files, and none is given')
     return serve(lambda ending: _live(ros, ending, told), parent)
+
+
+def _source(options: Any) -> Source:
+    """Return the source of the files that are given: chain or logs; Mistake."""
+    paths = options.sources
+    logs = [path for path in paths if _is_log(path)]
+    if not logs and len(paths) == 1:
+        from .chain_source import ChainSource
+        return ChainSource(paths[0], options.hold)
+    if len(paths) > 2 or len(logs) < len(paths):
+        raise Mistake(f'{len(paths)} files are given, must be one chain file, one log or two logs')
+    if options.hold:
+        raise Mistake('--hold is for chain files, and a log is given')
+    from .log_source import LogSource
+    return LogSource(paths)
+
+
+def _is_log(path: str) -> bool:
+    try:
+        with open(path, 'rb') as stream:
+            return stream.read(len(MAGIC)) == MAGIC
+    except OSError:
+        return path.endswith('.mcap')   # which will say what is wrong with it
 
 
 def remappings(arguments: Sequence[str]) -> list:

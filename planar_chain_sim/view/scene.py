@@ -21,6 +21,11 @@ that is slow or hangs.
     {"events": [{"tick", "kind", "data"}, ...]}
     {"refused": sentence}   an action that had no effect
 
+**Of a log** the page asks besides, and gets an answer at once:
+
+    {"do": "series", "begin": s, "end": s, "count": rows}   a window of the charts, at most so many rows of each arm
+    {"do": "event", "time": s, "forward": true}             {"found": event}: the next, or the last one before; null
+
 **A frame** is little-endian float64: the revision of the scene that it belongs to, then for each arm
 
     time s, tick, kinetic and potential energy J, real-time factor, lateness s
@@ -28,6 +33,10 @@ that is slow or hangs.
     x, y, angle                                             per joint: where it reads 0, see below
     x, y, angle, x and y of the mass centre, force x, y, moment         per body, in the plane, m, rad, N, N m
     x, y of the start, x, y of the end                      per segment that draws a body, in body order
+
+**The rows of a window** begin with -1, the revision and the number of arms, then for each arm the number of rows and of
+columns, 1 where all states were read and 0 where they are samples, the times, s, and the least and the greatest values
+of each row: positions, velocities, efforts, kinetic and potential energy and their sum.
 
 NaN stands for what is unknown. A slide that reads q has its joint point at (x, y) + q (cos angle, sin angle); a body
 that turns about its joint point (x, y) and reads q has the angle `angle` + axis q.
@@ -47,6 +56,7 @@ from ..mechanics.body_poses import body_poses
 from ..mechanics.dynamics import energy
 from ..mechanics.loads import Wrench
 
+SERIES = -1.0   # in place of a revision, at the beginning of the rows of a window
 WEIGHT = 9.81   # N/kg, of which the sliders must hold what a joint carries
 
 

@@ -14,7 +14,7 @@ from typing import Any, Mapping, Optional
 
 from aiohttp import web, WSMsgType
 
-from .source import Source
+from .source import KEPT, Source
 from ..errors import Mistake
 
 PAGE = Path(__file__).with_name('page')
@@ -30,7 +30,10 @@ ACTIONS: Mapping[str, Mapping[str, str]] = {
     'frame': {}, 'pause': {'value': 'flag'}, 'step': {}, 'reset': {}, 'release': {},
     'effort': {'joint': 'name', 'value': 'number or null'},
     'pull': {'body': 'name', 'point': 'place', 'to': 'place'},
-    'set': {'name': 'name', 'value': 'number or numbers'}}
+    'set': {'name': 'name', 'value': 'number or numbers'},
+    'series': {'begin': 'number', 'end': 'number', 'count': 'number'},
+    'event': {'time': 'number', 'forward': 'flag'}}
+ANSWERED = ('series', 'event')   # at once, beside the frames
 HOST = re.compile(r'(\[[0-9a-fA-F:.]+\]|[^:\[\]]+)(:\d{1,5})?')
 
 
@@ -138,6 +141,10 @@ class Server:
     async def _serve(self, page: web.WebSocketResponse, text: str, told: _Told) -> None:
         try:
             action = checked(text)
+            if action['do'] in ANSWERED:
+                await told.answering   # one at a time
+                told.answering = asyncio.ensure_future(self._answer_question(page, action, told))
+                return
             if action['do'] != 'frame':
                 self._source.act(page, action)
                 return
@@ -156,6 +163,18 @@ class Server:
             await page.send_str(as_json(news))
         await page.send_bytes(frame or b'')
 
+    async def _answer_question(self, page: web.WebSocketResponse, question: dict, told: _Told) -> None:
+        try:
+            answer = await self._source.answer(question)
+            if isinstance(answer, bytes):
+                await page.send_bytes(answer)
+            else:
+                await page.send_str(as_json(answer))
+        except Mistake as error:
+            told.refused = str(error)   # comes with the next frame
+        except ConnectionError:
+            pass   # the page has gone
+
 
 class _Told:
     """What one page has been told; `next`: when it may have its next frame."""
@@ -163,7 +182,10 @@ class _Told:
     def __init__(self, source: Source) -> None:
         self.next, self.refused = 0.0, ''
         self._revision = -1
-        self._events, self._complaints = max(0, source.events.count - 50), source.complaints.count
+        told = 50 if source.kind != 'log' else KEPT
+        self._events, self._complaints = max(0, source.events.count - told), source.complaints.count
+        self.answering: asyncio.Future = asyncio.get_running_loop().create_future()
+        self.answering.set_result(None)
         self._status: Optional[Mapping[str, Any]] = None
 
     def news(self, source: Source) -> list:

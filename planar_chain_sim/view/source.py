@@ -67,6 +67,10 @@ class Source:
         """Do what a page asks for; it returns at once. Mistake: it has no effect."""
         raise Mistake(f'{action["do"]!r} cannot be done here')
 
+    async def answer(self, question: Mapping[str, Any]) -> Any:
+        """Return bytes or JSON for a question of a page, of ANSWERED in the server; Mistake: there is no answer."""
+        raise Mistake(f'{question["do"]!r} cannot be asked here')
+
     def leave(self, page: Any) -> None:
         """Let go of all that a page holds."""
 

@@ -1,61 +1,82 @@
-// Buttons, sliders and keys that change the run.
+// Joints and settings: what they are, and what may be changed.
+
+import {short} from './drawing.js';
 
 const REPEAT = 100;   // ms between two signs that a slider is still held
+const WHY = {
+  chain: 'this cannot be changed here', log: 'a log is past and cannot be changed',
+  live: 'this robot offers no way to change this', '': 'there is nothing to change yet'};
 
 export class Controls {
-  constructor(place, send) {
-    Object.assign(this, {place, send});
+  // send(what, values); places: elements for joints and settings
+  constructor({joints, settings, send}) {
+    Object.assign(this, {joints, settings, send});
     this.status = {can: [], values: {}};
+    this.source = '';
     this.held = new Map();   // joint -> effort
-    for (const name of ['step', 'reset']) element(name).onclick = () => send(name);
-    element('pause').onclick = () => send('pause', {value: !this.status.paused});
+    this.rows = [];
+    this.values = new Map();
+    this.chosen = -1;
     setInterval(() => {
       for (const [joint, value] of this.held) send('effort', {joint, value});
     }, REPEAT);
     for (const name of ['blur', 'pagehide']) window.addEventListener(name, () => this.letGo());
-    document.addEventListener('keydown', (event) => this.key(event));
   }
 
-  key(event) {
-    if (event.ctrlKey || event.altKey || event.metaKey || /INPUT|SELECT|TEXTAREA/.test(event.target.tagName)) return;
-    const button = {' ': 'pause', p: 'pause', s: 'step', '.': 'step', r: 'reset', f: 'fit'}[event.key];
-    if (!button || event.target.tagName === 'BUTTON' && event.key === ' ') return;
-    event.preventDefault();
-    if (!element(button).disabled) element(button).click();
-  }
-
-  show(scene) {
+  show(scene, source) {
     this.letGo();
-    this.efforts = scene[0].joints.map((joint) => this.effort(joint));
-    this.settings = new Map();
-    this.place.replaceChildren(heading('Efforts, sprung back when let go'), ...this.efforts.map(({row}) => row),
-                               heading('Settings'),
-                               this.setting('gravity', 'gravity, m/s²', {min: -30, max: 30, step: 0.01},
-                                            (values) => values[1], (value, values) => [values[0], value]),
-                               this.setting('real_time_factor', 'real-time factor', {min: 0.05, max: 4, step: 0.05}),
-                               this.setting('damping', 'damping of all joints, times', {min: 0, max: 10, step: 0.1},
-                                            () => 1, (value) => this.ownDamping.map((each) => each * value)),
-                               this.setting('payload_mass', 'payload, kg', {min: 0, max: 10, step: 0.05}));
+    this.source = source;
+    const [arm] = scene, head = document.createElement('div'), keep = this.rows[this.chosen]?.name;
+    head.className = 'head';
+    head.append(heading('Joints'), ...['position', 'effort while held'].map((text) => {
+      const name = document.createElement('span');
+      name.textContent = text;
+      return name;
+    }));
+    this.rows = arm.joints.map((joint) => this.effort(joint, arm.bodies[joint.body].color));
+    this.joints.replaceChildren(head, ...this.rows.map(({row}) => row));
+    this.chosen = this.rows.findIndex(({name}) => name === keep);
+    this.ownDamping = null;
+    this.values = new Map();
+    this.settings.replaceChildren(
+      heading('Settings'),
+      this.setting('gravity', 'gravity, m/s²', {min: -20, max: 20, step: 0.01},
+                   (values) => values[1], (value, values) => [values[0], value]),
+      this.setting('real_time_factor', 'real-time factor', {min: 0.05, max: 4, step: 0.05}),
+      this.setting('damping', 'damping, times own', {min: 0, max: 10, step: 0.1},
+                   (values) => this.dampingFactor(values), (value) => this.ownDamping.map((each) => each * value)),
+      this.setting('payload_mass', 'payload, kg', {min: 0, max: 10, step: 0.05}));
     this.tell(this.status);
   }
 
-  effort(joint) {
-    const row = line(joint.name), slider = document.createElement('input'), output = document.createElement('output');
-    const zero = document.createElement('button');
+  effort(joint, color) {
+    const row = document.createElement('div'), name = document.createElement('span'), swatch = document.createElement('i');
+    const value = document.createElement('span'), slider = document.createElement('input');
+    const output = document.createElement('output'), zero = document.createElement('button');
+    row.className = 'control';
+    name.className = 'name';
+    swatch.className = 'swatch';
+    swatch.style.background = color;
+    name.append(swatch, joint.name);
+    name.title = joint.name;
+    value.className = 'value';
+    const unit = joint.kind === 'slide' ? 'N' : 'N m';
     Object.assign(slider, {type: 'range', min: -joint.span, max: joint.span, step: joint.span / 200, value: 0});
     slider.setAttribute('aria-label', `effort of ${joint.name}`);
     slider.dataset.needs = zero.dataset.needs = 'effort';
+    slider.dataset.title = `effort of ${joint.name}, ${unit}: acts while held, up to ${short(joint.span)} ${unit}`;
     zero.textContent = '0';
+    zero.dataset.title = `no effort in ${joint.name} while held`;
     zero.setAttribute('aria-label', `no effort in ${joint.name}`);
-    const hold = (value) => {
-      this.held.set(joint.name, value);
-      output.textContent = number(value);
-      this.send('effort', {joint: joint.name, value});
+    const hold = (number) => {
+      if (slider.disabled) return;
+      this.held.set(joint.name, number);
+      slider.value = number;
+      this.send('effort', {joint: joint.name, value: number});
     };
     const letGo = () => {
       if (!this.held.delete(joint.name)) return;
       slider.value = 0;
-      output.textContent = '';
       this.send('effort', {joint: joint.name, value: null});
     };
     slider.oninput = () => hold(Number(slider.value));
@@ -66,45 +87,97 @@ export class Controls {
       hold(0);
       letGo();
     });
-    row.append(slider, output, zero);
-    return {row, letGo};
+    row.addEventListener('pointerdown', () => this.choose(this.rows.findIndex((each) => each.row === row), false));
+    row.append(name, value, slider, output, zero);
+    return {name: joint.name, row, value, output, hold, letGo, span: joint.span, unit: joint.kind === 'slide' ? 'm' : 'rad',
+            last: [NaN, NaN]};
   }
 
   setting(name, text, limits, read = (value) => value, write = (value) => value) {
-    const row = line(text), slider = document.createElement('input'), output = document.createElement('output');
+    const row = document.createElement('div'), title = document.createElement('span');
+    const slider = document.createElement('input'), output = document.createElement('output');
+    row.className = 'control';
+    title.className = 'name';
+    title.textContent = title.title = text;
     Object.assign(slider, {type: 'range', ...limits});
     slider.setAttribute('aria-label', text);
     slider.dataset.needs = name;
+    slider.dataset.title = text;
     slider.oninput = () => {
-      output.textContent = number(Number(slider.value));
+      if (this.status.values[name] === undefined) return;
+      output.textContent = short(Number(slider.value));
       this.send('set', {name, value: write(Number(slider.value), this.status.values[name])});
     };
-    row.append(slider, output);
-    if (name === 'damping') slider.value = 1;
-    this.settings.set(name, {slider, output, read});
+    row.append(title, slider, output);
+    this.values.set(name, {slider, output, read});
     return row;
   }
 
+  // How many times its own damping a chain has; its own is that of the first value that was heard of it.
+  dampingFactor(values) {
+    if (!this.ownDamping || this.ownDamping.length !== values.length) this.ownDamping = values;
+    const k = this.ownDamping.findIndex((each) => each > 0);
+    return k < 0 ? 1 : values[k] / this.ownDamping[k];
+  }
+
+  // What can be done now; what cannot is grey and says why.
   tell(status) {
     this.status = status;
     for (const each of document.querySelectorAll('[data-needs]')) {
-      each.disabled = !status.can.includes(each.dataset.needs) || each.dataset.needs === 'step' && !status.paused;
+      const {needs} = each.dataset, can = status.can.includes(needs), wait = needs === 'step' && !status.paused;
+      each.dataset.title ??= each.title;
+      each.disabled = !can || wait;
+      each.title = !can ? WHY[this.source] : wait ? 'one step can be made while paused' : each.dataset.title;
     }
-    element('pause').textContent = status.paused ? 'Go on' : 'Pause';
-    element('pause').classList.toggle('on', Boolean(status.paused));
-    for (const [name, {slider, output, read}] of this.settings ?? []) {
-      if (status.values[name] === undefined || document.activeElement === slider) continue;
-      if (name === 'damping') {
-        this.ownDamping ??= status.values.damping;
-        continue;
+    if (!status.can.includes('effort')) this.held.clear();
+    for (const [name, {slider, output, read}] of this.values) {
+      const known = status.values[name];
+      if (known === undefined) output.textContent = '–';
+      if (known === undefined || document.activeElement === slider && slider.matches(':active')) continue;
+      const value = read(known);
+      if (name === 'damping' && !(this.ownDamping ?? []).some((each) => each > 0)) {
+        Object.assign(slider, {disabled: true, title: 'no joint of this chain has damping'});
       }
-      slider.value = read(status.values[name]);
-      output.textContent = number(read(status.values[name]));
+      if (value > Number(slider.max)) slider.max = value;
+      if (value < Number(slider.min)) slider.min = value;
+      slider.value = value;
+      output.textContent = short(value);
     }
   }
 
+  // The numbers of the newest state.
+  follow({position, effort}) {
+    this.rows.forEach((row, k) => {
+      const texts = [`${fixed(position[k])} ${row.unit}`, short(effort[k])];
+      if (texts[0] !== row.last[0]) row.value.textContent = texts[0];
+      if (texts[1] !== row.last[1]) row.output.textContent = texts[1];
+      row.last = texts;
+    });
+  }
+
+  // Choose a joint for the keys; by > 0: the next one, < 0: the one before.
+  turn(by) {
+    if (this.rows.length) this.choose((Math.max(this.chosen, by > 0 ? -1 : 0) + by + this.rows.length) % this.rows.length);
+  }
+
+  choose(index, scroll = true) {
+    if (index !== this.chosen) this.rows[this.chosen]?.letGo();
+    this.chosen = index;
+    this.rows.forEach(({row}, k) => row.classList.toggle('chosen', k === index));
+    if (scroll) this.rows[index]?.row.scrollIntoView({block: 'nearest'});
+  }
+
+  // A key that is held pushes harder and harder, up to the slider's end.
+  push(way) {
+    if (this.chosen < 0) this.turn(1);
+    const row = this.rows[this.chosen];
+    if (!row) return;
+    const before = this.held.get(row.name) ?? 0;
+    row.hold(way && Math.max(-1, Math.min(1, before / row.span + way * (before ? 0.025 : 0.1))) * row.span);
+  }
+
   letGo() {
-    for (const {letGo} of this.efforts ?? []) letGo();
+    for (const {letGo} of this.rows) letGo();
   }
 }
 
@@ -112,16 +185,10 @@ export function element(id) {
   return document.getElementById(id);
 }
 
-export function number(value) {
-  return String(+value.toPrecision(4));
-}
-
-function line(text) {
-  const row = document.createElement('div'), name = document.createElement('span');
-  row.className = 'control';
-  name.textContent = name.title = text;
-  row.append(name);
-  return row;
+// A number whose width does not change with its last digits.
+export function fixed(value) {
+  if (!Number.isFinite(value)) return '–';
+  return (Math.abs(value) < 1e5 ? value.toFixed(3) : value.toExponential(2)).replace('-', '−');
 }
 
 function heading(text) {
