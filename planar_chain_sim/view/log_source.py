@@ -52,8 +52,7 @@ class LogSource(Source):
             sentence += f'; {" and ".join(torn)} was not closed properly, it ends with the last whole part'
         self.status = {
             'sentence': sentence + self._said, 'fault': False, 'paused': True, 'name': str(first.path), 'can': [],
-            'values': {'gravity': QUANTITIES['gravity'].get(first.chain),
-                       'damping': QUANTITIES['damping'].get(first.chain)},
+            'values': {},
             'log': [{'name': log.path.name, 'first': log.first_time, 'last': log.last_time,
                      'step': log.settings['step']} for log in self._logs]}
 

@@ -25,7 +25,8 @@ export class Charts {
     this.clear();
   }
 
-  show(scene) {
+  // `past`: a log, of which nobody knows how late it was.
+  show(scene, past) {
     const [arm] = scene, joints = arm.joints.map((joint, k) => ({
       name: joint.name, color: arm.bodies[joint.body].color, part: k,
       // the second joint of a body has its colour too
@@ -41,9 +42,11 @@ export class Charts {
       group(`effort, ${units(arm, 'N m', 'N')}`, joints, 2 * n, {joints: true}),
       group('energy, J', [single('kinetic', '#ce9729'), single('potential', '#326a99'),
                           single('sum', ink, WIDE.dashed)], 3 * n, {legend: true, foot: true}),
-      group('real-time factor', [single('factor', accent)], 3 * n + 3, {half: true, zero: true}),
-      group('lateness, ms', [single('lateness', accent)], 3 * n + 4, {half: true, zero: true}),
+      ...past ? [] : [
+        group('real-time factor', [single('factor', accent)], 3 * n + 3, {half: true, zero: true}),
+        group('lateness, ms', [single('lateness', accent)], 3 * n + 4, {half: true, zero: true})],
     ];
+    this.place.classList.toggle('past', past);
     this.columns = (state) => [...state.position, ...state.velocity, ...state.effort, state.kinetic, state.potential,
                                state.kinetic + state.potential, state.realTimeFactor, 1e3 * state.lateness];
     this.clear();
@@ -244,7 +247,7 @@ export class Charts {
   }
 
   axes(pen, chart, x, y, width, height) {
-    const {low, high} = chart, step = roundStep((high - low) / Math.max(2, Math.floor(height / 30)));
+    const {low, high} = chart, step = roundStep((high - low) / Math.max(2, Math.floor(height / 24)));
     pen.strokeStyle = colors.grid;
     pen.fillStyle = colors.faint;
     pen.font = FONT;

@@ -99,7 +99,7 @@ function show(scene, revision, source) {
   keys.show(source);
   if (!scene.length) return;
   drawing.show(scene);
-  if (other || timeline.active) charts.show(scene);
+  if (other || timeline.active) charts.show(scene, timeline.active);
   controls.show(scene, source);
   element('arm').setAttribute('aria-label', `drawing of ${scene[0].name}, ${scene[0].joints.length} joints`);
   element('trail').replaceChildren(...trailChoices(scene[0]).map(({body, point, text}) => new Option(text, `${body}:${point}`)),
