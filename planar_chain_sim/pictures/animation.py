@@ -16,9 +16,9 @@ from ..chain.section import clipped
 from ..command_line import add_hold, Parser, print_line, refuse_existing, refuse_hold, run_command
 from ..errors import Mistake
 
-# By the ending of the file: rows of positions from frame to frame, and how many frames there may be of one pixel, or,
-# of the last two, of one body. A GIF is in memory as a whole.
-KINDS = {'.gif': (GIF_EVERY, 3e8), '.mp4': (MP4_EVERY, 1e12), '.svg': (EVERY, 1e5), '.html': (EVERY, 1e5)}
+# By the ending of the file: rows of positions from frame to frame, and how many frames there may be of one pixel (a GIF is
+# in memory as a whole) or of one body (whose motion is in memory; of the last two, in the file).
+KINDS = {'.gif': (GIF_EVERY, 3e8), '.mp4': (MP4_EVERY, 1e6), '.svg': (EVERY, 1e5), '.html': (EVERY, 1e5)}
 LARGEST = 4000       # px
 SHORTEST, FASTEST = 1e-6, 1e6
 MOST_FRAMES, MOST_ROWS = 200_000, 2_000_000
@@ -109,7 +109,7 @@ def _rows(duration: float, options, kind: str, bodies: int) -> int:
     every, room = KINDS[kind]
     frame = every * SAMPLE
     frames = min(duration / options.speed / frame, 1e9)
-    most = int(min(MOST_FRAMES, room / (options.size**2 if kind in ('.gif', '.mp4') else bodies)))
+    most = int(min(MOST_FRAMES, room / (options.size**2 if kind == '.gif' else bodies)))
     if not 1.0 <= frames + 1e-9 <= most:
         raise Mistake(f'{duration:g} s at the speed {options.speed:g} are {frames:.3g} frames, must be from 1 to '
                       f'{most} of this kind and size, {1 / frame:g} a second: give another --duration, --speed or '

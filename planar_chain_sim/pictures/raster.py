@@ -27,6 +27,7 @@ class Raster:
     def __init__(self, scene: Scene):
         self._scene, self._pyplot = scene, pyplot_in_style()
         from matplotlib.collections import LineCollection
+        from matplotlib.transforms import Bbox, TransformedBbox
         self._figure = self._pyplot.figure(figsize=((scene.width + 0.01) / DPI, (scene.height + 0.01) / DPI), dpi=DPI)
         self._axes = self._figure.add_axes((0.0, 0.0, scene.width / (scene.width + 0.01),
                                             scene.height / (scene.height + 0.01)))
@@ -39,6 +40,9 @@ class Raster:
         self._tails = self._axes.add_collection(LineCollection(
             [], colors=[(*each.color[:3], 0.5 * each.color[3]) for each in scene.trails],
             linewidths=1.4 * scene.unit, capstyle='round', snap=False, animated=True), autolim=False)
+        plane = TransformedBbox(Bbox([[0, scene.head], [scene.width, scene.height]]), self._axes.transData)
+        for drawn in (self._behind, self._tails, self._strokes):
+            drawn.set_clip_box(plane)
         size = scene.font
         for x, y, anchor, text in scene.labels:
             self._axes.text(x, y, text, ha={'end': 'right', 'start': 'left'}[anchor], fontsize=size)
@@ -54,12 +58,13 @@ class Raster:
 
     def pixels(self, row: int) -> np.ndarray:
         """Return the picture at a row, (height, width, 4) bytes, which the next call overwrites."""
-        scene, canvas = self._scene, self._figure.canvas
+        scene, canvas, shift = self._scene, self._figure.canvas, self._scene.shift[row]
         canvas.restore_region(self._still)
         for drawn, strokes in ((self._behind, scene.behind), (self._strokes, scene.strokes)):
-            drawn.set_segments([_polyline(each.points[min(row, len(each.points) - 1)]) for each in strokes])
+            drawn.set_segments([_polyline(each.points[row] if len(each.points) > 1 else each.points[0] + shift)
+                                for each in strokes])
         first = max(0, row - round(scene.look.trail / SAMPLE))
-        self._tails.set_segments([_polyline(each.points[first:row + 1]) for each in scene.trails])
+        self._tails.set_segments([_polyline(each.points[first:row + 1] + shift) for each in scene.trails])
         self._time.set_text(scene.time(row))
         for drawn in (self._behind, self._tails, self._strokes, self._time):
             self._axes.draw_artist(drawn)

@@ -20,6 +20,7 @@ SAMPLE = 0.01             # s of the picture's own time between two rows of posi
 LEAST = 200               # px, of either side: the time and the width of the grid stand beside each other
 AWAY = -1000.0 - 1000.0j  # px: out of the picture
 FORCE = 0.18              # length of the largest force, of the wider side
+FAR = 4.0                 # times its own size: an arm that goes further is followed
 
 
 class Stroke(NamedTuple):
@@ -27,7 +28,7 @@ class Stroke(NamedTuple):
     A polyline with round ends, in front of those before it; one point is a dot.
 
     `color`: 'ink', 'faint', 'paper', or red, green, blue and opacity. `points` (rows or 1, points), complex, px from
-    the upper left corner, x right and y down; one row: it stands still.
+    the upper left corner, x right and y down; one row: it stands still, in the world.
     """
 
     color: Union[str, tuple]
@@ -36,7 +37,7 @@ class Stroke(NamedTuple):
 
 
 class Trail(NamedTuple):
-    """The way of a point: its colour, and `points` (rows,), complex, px. A picture shows the last part of it."""
+    """The way of a point in the world: its colour, and `points` (rows,), complex, px. A picture shows the last part."""
 
     color: tuple
     points: np.ndarray
@@ -68,8 +69,9 @@ class Scene:
     """
     The strokes of a motion `position` (rows, joints), a row every SAMPLE * look.speed s.
 
-    width, height: px, even. behind, trails, strokes: what is drawn, in this order; labels: text (x, y, anchor, text).
-    ValueError: bad shape, non-finite value.
+    width, height: px, even; `head`: of the height, above the plane, for text. behind, trails, strokes: what is drawn,
+    in this order; labels: text (x, y, anchor, text). shift: (rows,) complex px, by which trails and what stands in the
+    world are moved, zero unless an arm that goes far is followed. ValueError: bad shape, non-finite value.
     """
 
     def __init__(self, chain: Chain, position: np.ndarray, look: Look):
@@ -81,9 +83,10 @@ class Scene:
         self._point, self._turn = poses.point @ (1.0, 1.0j), np.exp(1j * poses.angle)
         center, ways = poses.center_of_mass @ (1.0, 1.0j), [self._way(*each) for each in look.traced]
         base = np.array([body.origin for body in chain.bodies if body.carrier == BASE])
-        self._frame(np.concatenate([each.ravel() for each in (
-            base, self._point, center, *(way for _, way in ways),
-            *(end for body in self._lines for line in body for end in line))]))
+        middle = center @ np.array([body.mass for body in chain.bodies]) / sum(body.mass for body in chain.bodies)
+        ends = [end for body in self._lines for line in body for end in line]
+        self._frame([self._point, center, *(each[:, None] for each in (*ends, *(way for _, way in ways)))], base,
+                    middle)
         lengths = [np.abs(end - start).max() for body in self._lines for start, end in body]
         thick = float(np.clip(0.16 * self.scale * np.median(lengths), 2.0, 4.2)) * self.unit
         colors = [body_color(chain, k) for k in range(len(chain.bodies))]
@@ -98,7 +101,7 @@ class Scene:
         self.strokes += self._arrows(0.7 * thick)
 
     def px(self, places: np.ndarray) -> np.ndarray:
-        """Return places of the plane, complex, m, as complex px."""
+        """Return places of the plane, complex, m, as complex px, which `shift` is to be added to."""
         away = np.conj((places - self._corner) * self.scale)
         return away + 1j * self.height
 
@@ -112,37 +115,44 @@ class Scene:
         """Return a body and the way of a point in its frame, or of the end of its last line."""
         return body, self._lines[body][-1][1] if point is None else self._point[:, body] + point * self._turn[:, body]
 
-    def _frame(self, points: np.ndarray) -> None:
-        """Set scale and size so that all points are in the picture, below a line of text."""
-        low, high = (complex(pick(points.real), pick(points.imag)) for pick in (np.min, np.max))
-        span = high - low
-        self._reach = max(span.real, span.imag, 1e-9)
+    def _frame(self, points: list, base: np.ndarray, middle: np.ndarray) -> None:
+        """Set scale, size and shift so that all points (rows, any), and the base, are in the picture."""
+        places = np.concatenate(points, axis=1)
+        own = max(np.ptp(places.real, axis=1).max(), np.ptp(places.imag, axis=1).max(), 1e-9)
+        seen = np.append(places, base)
+        follows = max(np.ptp(seen.real), np.ptp(seen.imag)) > FAR * own
+        if follows:
+            seen = places - middle[:, None]
+        low, high = (complex(pick(seen.real), pick(seen.imag)) for pick in (np.min, np.max))
+        self._reach = max((high - low).real, (high - low).imag, 1e-9)
         low, high = low - 0.07 * self._reach * (1 + 1j), high + 0.07 * self._reach * (1 + 1j)
-        self._head = 2.0 * self.font
-        self.scale = self.look.size / (1.14 * self._reach)
+        self.head, self.scale = 2.0 * self.font, self.look.size / (1.14 * self._reach)
         width, height = (max(LEAST, int(side * self.scale + 0.5)) for side in ((high - low).real, (high - low).imag))
-        self.width, self.height = width + width % 2, int(height + self._head + 1.5) // 2 * 2
-        spare = complex(self.width, self.height - self._head) / self.scale - (high - low)
+        self.width, self.height = width + width % 2, int(height + self.head + 1.5) // 2 * 2
+        spare = complex(self.width, self.height - self.head) / self.scale - (high - low)
         self._corner = low - 0.5 * spare     # of the lower left
+        self.shift = -np.conj(middle * self.scale) if follows else np.zeros(self.rows, complex)
 
     def _ground(self, base: np.ndarray) -> list:
         """Return the grid, and a triangle below each point of the base that carries a body; sets the labels."""
         power = 10.0**np.floor(np.log10(self._reach / 3))
         step = max(factor * power for factor in (1, 2, 5) if factor * power <= self._reach / 3)
-        far = self._corner + complex(self.width, self.height - self._head) / self.scale
-        right, top, floor = self.width, self._head, self.height
+        # all of the plane that is seen at some time, px and m
+        left, top = -self.shift.real.max(), self.head - self.shift.imag.max()
+        right, floor = self.width - self.shift.real.min(), self.height - self.shift.imag.min()
+        low, high = (self._corner + complex(x, self.height - y) / self.scale for x, y in ((left, floor), (right, top)))
         strokes = []
-        for k in range(int(np.ceil(self._corner.real / step)), int(np.floor(far.real / step)) + 1):
+        for k in range(int(np.ceil(low.real / step)), int(np.floor(high.real / step)) + 1):
             x = self.px(np.array(k * step + 0j)).real
             strokes.append(Stroke('grid', 1.0, np.array([[x + 1j * top, x + 1j * floor]])))
-        for k in range(int(np.ceil(self._corner.imag / step)), int(np.floor(far.imag / step)) + 1):
+        for k in range(int(np.ceil(low.imag / step)), int(np.floor(high.imag / step)) + 1):
             y = self.px(np.array(k * step * 1j)).imag
-            strokes.append(Stroke('grid', 1.0, np.array([[1j * y, right + 1j * y]])))
+            strokes.append(Stroke('grid', 1.0, np.array([[left + 1j * y, right + 1j * y]])))
         size = 8.0 * self.unit
         for place in np.unique(self.px(base)):
             strokes.append(Stroke('faint', 1.6 * self.unit, np.array(
                 [[place, place + size * (1.5j - 0.9), place + size * (1.5j + 0.9), place]])))
-        self.labels = [(right - 0.7 * self.font, 1.35 * self.font, 'end', f'grid {step:g} m')]
+        self.labels = [(self.width - 0.7 * self.font, 1.35 * self.font, 'end', f'grid {step:g} m')]
         return strokes
 
     def _guides(self, thin: float) -> list:
@@ -189,8 +199,11 @@ class Scene:
                     tips[rows] = each.force / largest * (self._turn[rows, k] if each.turns else 1.0)
             arrow = self.px(self._point[:, k, None] + FORCE * self._reach * tips[:, None] * [
                 0.0, 1.0, 0.75 + 0.12j, 1.0, 0.75 - 0.12j])
-            strokes.append(Stroke('ink', width, np.where(tips[:, None] == 0.0, AWAY, arrow)))
+            strokes.append(Stroke('ink', width, np.where(tips[:, None] == 0.0, AWAY, arrow + self.shift[:, None])))
         return strokes
 
     def _stroke(self, color, width: float, points) -> Stroke:
-        return Stroke(color, width, self.px(np.stack(np.broadcast_arrays(*points), axis=-1)))
+        """Return a stroke through points (rows,) or (1,), m; one row, if it stands still in the world."""
+        places = self.px(np.stack(np.broadcast_arrays(*points), axis=-1))
+        still = np.abs(places - places[0]).max() < 1e-3
+        return Stroke(color, width, places[:1] if still else places + self.shift[:, None])

@@ -3,6 +3,7 @@ from __future__ import annotations
 
 from html import escape
 from importlib.resources import files
+from itertools import groupby
 from string import Template
 from typing import Callable
 
@@ -16,7 +17,7 @@ LABELS = 400     # texts of the time at most
 
 
 def write_svg(scene: Scene, stream, done: Callable[[int], object]) -> None:
-    """Write a scene as SVG with animations (SMIL), in UTF-8; done(1) is called after each frame's share of the work."""
+    """Write a scene as SVG with animations (SMIL), in UTF-8; done(frames) is called at its end."""
     stream.write(_document(scene, done).encode())
 
 
@@ -30,20 +31,19 @@ def write_html(scene: Scene, stream, done: Callable[[int], object]) -> None:
 def _document(scene: Scene, done: Callable[[int], object]) -> str:
     rows = range(0, scene.rows, EVERY)
     moves = f'dur="{(len(rows) - 1) * EVERY * SAMPLE:.6g}s" repeatCount="indefinite"'
-    parts = [*_strokes(scene.behind, rows, moves), *(_trail(scene, each, rows, moves) for each in scene.trails),
-             *_strokes(scene.strokes, rows, moves)]
-    drawn = []
-    for k, part in enumerate(parts):
-        drawn.append(part)
-        done(len(rows) * (k + 1) // len(parts) - len(rows) * k // len(parts))
+    drawn = [*_strokes(scene, scene.behind, rows, moves),
+             *(_in_world(scene, _trail(scene, each, rows, moves), rows, moves) for each in scene.trails),
+             *_strokes(scene, scene.strokes, rows, moves)]
+    done(len(rows))
     texts = [f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{escape(text)}</text>'
              for x, y, anchor, text in scene.labels]
     return '\n'.join([
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {scene.width} {scene.height}" width="{scene.width}" '
         f'height="{scene.height}" role="img">', f'<title>{escape(scene.title)}</title>',
         f'<style>{_style(scene, "svg")}</style>', '<rect class="sheet" width="100%" height="100%"/>',
-        '<g fill="none" stroke-linecap="round" stroke-linejoin="round">', *drawn, '</g>', *texts,
-        *_times(scene, rows, moves), '</svg>\n'])
+        f'<clipPath id="plane"><rect y="{scene.head:.1f}" width="100%" height="100%"/></clipPath>',
+        '<g clip-path="url(#plane)" fill="none" stroke-linecap="round" stroke-linejoin="round">', *drawn, '</g>',
+        *texts, *_times(scene, rows, moves), '</svg>\n'])
 
 
 def _style(scene: Scene, of: str) -> str:
@@ -58,15 +58,23 @@ def _style(scene: Scene, of: str) -> str:
             f'{colors(DARK_INK, DARK_FAINT, DARK_PAPER)}}}')
 
 
-def _strokes(strokes: list, rows: range, moves: str):
-    """Yield the elements of strokes; dots at one place are one element, which is moved."""
-    k = 0
-    while k < len(strokes):
-        same = k
-        while same < len(strokes) and strokes[same].points is strokes[k].points:
-            same += 1
-        yield _dots(strokes[k:same], rows, moves) if strokes[k].points.shape[1] == 1 else _line(strokes[k], rows, moves)
-        k = same
+def _in_world(scene: Scene, element: str, rows: range, moves: str) -> str:
+    """Return an element that stands in the world, moved with it where an arm is followed."""
+    if not scene.shift.any():
+        return element
+    shifts = ';'.join(f'{shift.real:.2f} {shift.imag:.2f}' for shift in scene.shift[list(rows)])
+    return f'<g><animateTransform attributeName="transform" type="translate" values="{shifts}" {moves}/>{element}</g>'
+
+
+def _strokes(scene: Scene, strokes: list, rows: range, moves: str):
+    """Yield the elements of strokes: of a row of those that stand still one, and one of dots that move together."""
+    for kind, group in groupby(strokes, key=lambda each: 'still' if len(each.points) == 1 else id(each.points)):
+        row = list(group)
+        if kind == 'still':
+            yield _in_world(scene, '\n'.join(_dots([each], rows, moves) if each.points.size == 1 else
+                                             _line(each, rows, moves) for each in row), rows, moves)
+        else:
+            yield _dots(row, rows, moves) if row[0].points.shape[1] == 1 else _line(row[0], rows, moves)
 
 
 def _paint(color, what: str) -> str:
