@@ -16,8 +16,8 @@ from ..chain.section import clipped
 from ..command_line import add_hold, Parser, print_line, refuse_existing, refuse_hold, run_command
 from ..errors import Mistake
 
-# By the ending of the file: rows of positions from frame to frame, and how many frames there may be of one pixel (a GIF is
-# in memory as a whole) or of one body (whose motion is in memory; of the last two, in the file).
+# By the ending of the file: rows of positions from frame to frame, and how many frames there may be of one pixel (a GIF
+# is in memory as a whole) or of one body (whose motion is in memory; of the last two, in the file).
 KINDS = {'.gif': (GIF_EVERY, 3e8), '.mp4': (MP4_EVERY, 1e6), '.svg': (EVERY, 1e5), '.html': (EVERY, 1e5)}
 LARGEST = 4000       # px
 SHORTEST, FASTEST = 1e-6, 1e6

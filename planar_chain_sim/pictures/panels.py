@@ -72,7 +72,9 @@ def _places(timed: int, plane: int) -> tuple:
         grid = left.subgridspec(rows, columns)
         places += [drawn.add_subplot(grid[divmod(k, columns)]) for k in range(timed)]
     if plane:
-        grid = right.subgridspec(*((plane, 1) if columns else (1, plane)))
+        spare = max(height - 4.2 * plane, 0.0) if columns else 0.0     # below them: they are not to be tall and empty
+        grid = right.subgridspec(plane + 1, 1, height_ratios=(*plane * [4.2], spare)) if spare else (
+            right.subgridspec(*((plane, 1) if columns else (1, plane))))
         places += [drawn.add_subplot(grid[k]) for k in range(plane)]
     return drawn, places, width
 
@@ -163,13 +165,14 @@ def _draw_paths(axes, source: Source, traces: list, number: int) -> None:
 def _draw_arms(axes, source: Source, traces: list, number: int) -> None:
     """Draw the arm at ARMS moments, the later the darker."""
     rows = np.linspace(0, len(source.time) - 1, ARMS).round().astype(int)
+    dot = min(2.5, 30.0 / len(source.chain.bodies))
     for k, lines in enumerate(body_lines(source.chain, source.position[rows])):
         color = body_color(source.chain, k)
         for start, end in lines:
             for moment, (first, last) in enumerate(zip(start, end)):
                 share = moment / (ARMS - 1)
                 axes.plot([first.real, last.real], [first.imag, last.imag], f'{LINES[number]}o', color=color[:3],
-                          alpha=color[3] * (0.12 + 0.88 * share**2), markersize=2.5, zorder=2 + share,
+                          alpha=color[3] * (0.12 + 0.88 * share**2), markersize=dot, zorder=2 + share,
                           linewidth=3.0 if moment == ARMS - 1 else 1.4, solid_capstyle='round')
     _in_plane(axes, source, f'{source.time[0]:g} to {source.time[-1]:g} s')
 
