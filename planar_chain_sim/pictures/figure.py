@@ -17,7 +17,8 @@ STYLE: Any = {
     'axes.edgecolor': FAINT, 'axes.labelcolor': INK, 'axes.titlesize': 10.0, 'axes.titlecolor': INK,
     'axes.grid': True, 'axes.axisbelow': True, 'axes.spines.top': False, 'axes.spines.right': False,
     'grid.color': FAINT, 'grid.alpha': 0.3, 'grid.linewidth': 0.6, 'xtick.color': INK, 'ytick.color': INK,
-    'legend.edgecolor': 'none', 'legend.framealpha': 0.8, 'figure.facecolor': PAPER, 'axes.facecolor': PAPER, 'savefig.facecolor': PAPER,
+    'legend.edgecolor': 'none', 'legend.framealpha': 0.8,
+    'figure.facecolor': PAPER, 'axes.facecolor': PAPER, 'savefig.facecolor': PAPER,
     'svg.hashsalt': 'planar_chain_sim', 'path.simplify_threshold': 0.2}
 
 
