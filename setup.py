@@ -71,7 +71,7 @@ setup(
         'mcap>=1.6',    # the log file, with its own lz4 and zstandard; flush() closes a chunk since 1.6
         'numpy>=1.22',  # states and efforts; the reference form of the equations
         'pyyaml',       # the chain file
-        'tqdm',         # progress of rollout and resimulate
+        'tqdm',         # progress of rollout, resimulate and repair
     ],
     extras_require={
         # ROS 2 Jazzy as wheels, for a machine without ROS; one with ROS from apt must not pull them.
@@ -124,5 +124,7 @@ setup(
         f'animate = {NAME}.executables:animate',
         f'plot = {NAME}.executables:plot',
         f'view = {NAME}.executables:view',
+        f'info = {NAME}.executables:info',
+        f'repair = {NAME}.executables:repair',
     ]},
 )

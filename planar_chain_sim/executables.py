@@ -9,7 +9,8 @@ import signal
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 MODULES = {'rollout': 'recording.rollout', 'resimulate': 'resimulation.command_line',
            'benchmark': 'benchmark.command_line', 'equations': 'symbolic.command_line', 'urdf': 'urdf_file',
-           'animate': 'pictures.animation', 'plot': 'pictures.plot', 'view': 'view.command_line'}
+           'animate': 'pictures.animation', 'plot': 'pictures.plot', 'view': 'view.command_line',
+           'info': 'recording.info', 'repair': 'recording.repair'}
 
 
 def run(program: str) -> int:
@@ -23,4 +24,5 @@ def run(program: str) -> int:
     return import_module(f'{__package__}.{MODULES[program]}').main()
 
 
-rollout, resimulate, benchmark, equations, urdf, animate, plot, view = (partial(run, program) for program in MODULES)
+rollout, resimulate, benchmark, equations, urdf, animate, plot, view, info, repair = (
+    partial(run, program) for program in MODULES)

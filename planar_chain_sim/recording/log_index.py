@@ -17,7 +17,7 @@ import numpy as np
 
 from .log_reader import LogFile, LogHead
 from .mcap_library import require_mcap
-from .mcap_records import content_of, FRAME, frames, MAGIC, open_mcap, read_records
+from .mcap_records import content_of, FRAME, frames, INDEX, MAGIC, open_mcap, read_records
 from ..errors import LogError
 
 try:
@@ -29,8 +29,7 @@ _FOOTER = Struct('<BQQQI')           # opcode, length, start of the summary, of 
 _CHUNK_INDEX = Struct('<QQQQI')      # first and last log time, place and length of the chunk, bytes of the offsets
 _OFFSET = Struct('<HQ')              # channel, place of its message index
 _COUNT = Struct('<Q')
-_TIMES = Struct('<QQ')               # first and last log time: the head of a chunk
-_INDEX = Struct('<HI')               # channel, bytes of its entries: the head of a message index
+TIMES = Struct('<QQ')               # first and last log time: the head of a chunk
 _ENTRY = 16                          # bytes of an entry of a message index
 _LONGEST_SUMMARY = 2**27             # bytes, of a log of about 200 GB; a longer one is walked
 
@@ -67,7 +66,7 @@ def read_index(path) -> LogIndex:
     path = Path(path)
     try:
         with open_mcap(path) as file:
-            return _from_summary(path, file) or _from_records(path, file)
+            return summary_index(path, file) or _from_records(path, file)
     except OSError as error:
         raise LogError(f'log {str(path)!r}: it cannot be read ({error.strerror or error})') from None
 
@@ -100,8 +99,8 @@ class _Rows:
         return LogIndex(log, size, end, channels, start, length, first, last, counts)
 
 
-def _from_summary(path: Path, file) -> Optional[LogIndex]:
-    """Return the index by the summary; None: there is none, or it is damaged."""
+def summary_index(path: Path, file) -> Optional[LogIndex]:
+    """Return the index of an open log by its summary; None: there is none, or it is damaged."""
     size = os.fstat(file.fileno()).st_size
     footer_start = size - len(MAGIC) - _FOOTER.size
     if footer_start < len(MAGIC):
@@ -136,7 +135,7 @@ def _read_summary(path: Path, file, size: int, data_end: int, summary: bytes) ->
         elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
             read_records(path, data_end, summary[begin - FRAME.size:place], schemas, channels)
         elif opcode in (Opcode.ATTACHMENT_INDEX, Opcode.METADATA_INDEX):
-            where, whole = _TIMES.unpack_from(summary, begin)   # place and length of the record
+            where, whole = TIMES.unpack_from(summary, begin)   # place and length of the record
             kind, length = FRAME.unpack(os.pread(file.fileno(), FRAME.size, where))
             if length + FRAME.size != whole or where + whole > data_end:
                 return None
@@ -159,7 +158,7 @@ def _take_chunk_index(rows: _Rows, summary: bytes, begin: int, end: int) -> int:
         raise LogError('the indexes of chunks are not in order')
     rows.add(start + FRAME.size, length - FRAME.size, first, last)
     for (place, channel), (after, _) in zip(offsets, [*offsets[1:], (whole_end, 0)]):
-        messages, rest = divmod(after - place - FRAME.size - _INDEX.size, _ENTRY)
+        messages, rest = divmod(after - place - FRAME.size - INDEX.size, _ENTRY)
         if rest or messages < 0:
             raise LogError('the index of a chunk is not whole')
         rows.count(channel, messages)
@@ -171,9 +170,9 @@ def _from_records(path: Path, file) -> LogIndex:
     walk, head, number, in_data = _Walk(path, file), LogHead(path, file), file.fileno(), True
     for opcode, start, length in frames(file):
         if in_data and opcode == Opcode.CHUNK:
-            walk.begin_chunk(start, length, os.pread(number, _TIMES.size, start))
-        elif in_data and opcode == Opcode.MESSAGE_INDEX and length >= _INDEX.size:
-            walk.take_index(start + length, *_INDEX.unpack(os.pread(number, _INDEX.size, start)))
+            walk.begin_chunk(start, length, os.pread(number, TIMES.size, start))
+        elif in_data and opcode == Opcode.MESSAGE_INDEX and length >= INDEX.size:
+            walk.take_index(start + length, *INDEX.unpack(os.pread(number, INDEX.size, start)))
         elif opcode == Opcode.MESSAGE:
             raise LogError(f'log {str(path)!r}: the message at byte {start} is in no chunk, must be in one')
         else:
@@ -197,9 +196,9 @@ class _Walk:
 
     def begin_chunk(self, start: int, length: int, times: bytes) -> None:
         self.end_chunk(torn=False)
-        if length < _TIMES.size or len(times) < _TIMES.size:
+        if length < TIMES.size or len(times) < TIMES.size:
             raise LogError(f'log {str(self._path)!r}: the chunk at byte {start} is damaged, it is too short')
-        self._chunk, self._counts, self._chunk_end = (start, length, *_TIMES.unpack(times)), {}, start + length
+        self._chunk, self._counts, self._chunk_end = (start, length, *TIMES.unpack(times)), {}, start + length
 
     def take_index(self, end: int, channel: int, size: int) -> None:
         self._counts[channel], self._chunk_end = size // _ENTRY, end

@@ -113,9 +113,9 @@ class LogHead:
         elif opcode == Opcode.FOOTER:
             self._complete = os.pread(self._file.fileno(), len(MAGIC), start + length) == MAGIC
 
-    def log(self) -> LogFile:
-        """Return the log after its last record; LogError: it is none of this package."""
-        if self._ends and not self._complete:
+    def log(self, part: bool = False) -> LogFile:
+        """Return the log after its last record, or after a part of them; LogError: it is none of this package."""
+        if self._ends and not self._complete and not part:
             raise LogError(f'log {str(self._path)!r}: it is damaged, its records do not lead to its end')
         if self._chain is None or self._settings is None:
             raise LogError(f"log {str(self._path)!r}: it is no log of planar_chain_sim, which has the attachment "

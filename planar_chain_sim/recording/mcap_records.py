@@ -33,6 +33,7 @@ PACKED_SIZE = 2 ** 18       # bytes of a compressed chunk that are read for its 
 MESSAGE = Struct('<HIQQ')   # channel, sequence, log time, publish time: the head of a message
 MAGIC = b'\x89MCAP0\r\n'
 FRAME = Struct('<BQ')        # kind of a record, bytes that follow
+INDEX = Struct('<HI')        # channel, bytes of its entries: the head of a message index
 CHUNK = Struct('<QQQII')     # first and last log time, size, check sum, length of the compression's name
 
 
@@ -50,9 +51,9 @@ def open_mcap(path: Path):
     return file
 
 
-def frames(file) -> Iterator[tuple]:
+def frames(file, start: int = len(MAGIC)) -> Iterator[tuple]:
     """Walk the records: (opcode, start of payload, length) up to the footer or to the first that is not whole."""
-    number, size, start, read, unpack = file.fileno(), file.seek(0, io.SEEK_END), len(MAGIC), os.pread, FRAME.unpack
+    number, size, read, unpack = file.fileno(), os.fstat(file.fileno()).st_size, os.pread, FRAME.unpack
     while start + FRAME.size <= size:
         head = read(number, FRAME.size, start)
         if len(head) < FRAME.size:   # somebody has cut the file meanwhile
@@ -90,6 +91,8 @@ def content_of(path: Path, file, start: int, length: int, check: bool = False) -
     """Read the records of the chunk whose payload is there; `check` its check sum too; LogError: it is damaged."""
     chunk = parse(path, records.Chunk, payload_of(path, file, start, length))
     content = decompressed(path, start, chunk)
+    if check and length != CHUNK.size + len(chunk.compression.encode()) + 8 + len(chunk.data):
+        raise LogError(f'log {str(path)!r}: the chunk at byte {start} is damaged, its lengths do not agree')
     if check and chunk.uncompressed_crc and crc32(content) != chunk.uncompressed_crc:
         raise LogError(f'log {str(path)!r}: the chunk at byte {start} does not match its check sum')
     return content

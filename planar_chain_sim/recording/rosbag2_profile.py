@@ -49,19 +49,34 @@ def bag_information(file_name: str, channels: Sequence[Channel], counts: Mapping
 
     counts: messages per topic; first, last: log times, ns, both NO_TIME for an empty bag.
     """
-    start = {'nanoseconds_since_epoch': int(first)}
-    duration = {'nanoseconds': int(last) - int(first)}
-    total = sum(counts.values())
     topics = [{
         'topic_metadata': {
             'name': channel.topic, 'type': channel.type_name, 'serialization_format': 'cdr',
             'offered_qos_profiles': offered_qos_profiles(channel),
             'type_description_hash': MESSAGE_TYPES[channel.type_name].type_hash},
-        'message_count': counts.get(channel.topic, 0)} for channel in channels]
-    return yaml.safe_dump({
-        'version': 9, 'storage_identifier': 'mcap', 'duration': duration, 'starting_time': start,
-        'message_count': total, 'topics_with_message_count': topics, 'compression_format': '', 'compression_mode': '',
-        'relative_file_paths': [file_name],
-        'files': [{'path': file_name, 'starting_time': dict(start), 'duration': dict(duration),
-                   'message_count': total}],
-        'custom_data': {}, 'ros_distro': os.environ.get('ROS_DISTRO', '')}, sort_keys=False)
+        'message_count': 0} for channel in channels]
+    return _filled({
+        'version': 9, 'storage_identifier': 'mcap', 'duration': {}, 'starting_time': {}, 'message_count': 0,
+        'topics_with_message_count': topics, 'compression_format': '', 'compression_mode': '',
+        'relative_file_paths': [], 'files': [], 'custom_data': {}, 'ros_distro': os.environ.get('ROS_DISTRO', '')},
+        file_name, counts, first, last)
+
+
+def filled_bag_information(text: str, file_name: str, counts: Mapping[str, int], first: int, last: int) -> str:
+    """Return another bag's information with what bag_information() takes; ValueError: the text is none."""
+    try:
+        return _filled(yaml.safe_load(text), file_name, counts, first, last)
+    except (yaml.YAMLError, KeyError, TypeError, AttributeError, RecursionError):
+        raise ValueError("the bag information 'rosbag2' is damaged") from None
+
+
+def _filled(information: dict, file_name: str, counts: Mapping[str, int], first: int, last: int) -> str:
+    start = {'nanoseconds_since_epoch': int(first)}
+    duration = {'nanoseconds': int(last) - int(first)}
+    total = sum(counts.values())
+    for topic in information['topics_with_message_count']:
+        topic['message_count'] = counts.get(topic['topic_metadata']['name'], 0)
+    information.update(
+        duration=duration, starting_time=start, message_count=total, relative_file_paths=[file_name],
+        files=[{'path': file_name, 'starting_time': dict(start), 'duration': dict(duration), 'message_count': total}])
+    return yaml.safe_dump(information, sort_keys=False)

@@ -10,7 +10,7 @@ from typing import Any, Collection, Iterator, NamedTuple, Optional
 import numpy as np
 
 from .events import decode_event
-from .log_index import read_index
+from .log_index import LogIndex, read_index
 from .mcap_records import beginning_of, content_of, MESSAGE, open_mcap, read_records, whole_records
 from .run_settings import readable_settings, simulation_of
 from .states import message_heads, StateDecoder
@@ -62,11 +62,12 @@ class SeekableLog:
     chain: the Chain that the run began with; settings: as Log.settings; complete: the file was closed properly.
     first_time, last_time: s, simulated time, step * tick, of the first and the last state; first_tick, last_tick;
     tick_count: ticks from the first to the last. events: the Events. A log that was cut short ends with its last whole
-    chunk. LogError, here and where it is read: as load_log, and for a log without a state.
+    chunk. `index`: its LogIndex, if that has been read. LogError, here and where it is read: as load_log, and for a
+    log without a state.
     """
 
-    def __init__(self, path: Any) -> None:
-        self._index = index = read_index(path)
+    def __init__(self, path: Any, index: Optional[LogIndex] = None) -> None:
+        self._index = index = index or read_index(path)
         self.path = Path(path)
         simulation = simulation_of(index.log)
         self.chain, self.settings, self.complete = simulation.chain, readable_settings(index.log.settings), \

@@ -16,7 +16,7 @@ from planar_chain_sim import command_line, urdf_file
 from planar_chain_sim.benchmark import command_line as benchmark
 from planar_chain_sim.executables import MODULES as EXECUTABLES
 from planar_chain_sim.pictures import animation, plot
-from planar_chain_sim.recording import rollout
+from planar_chain_sim.recording import info, repair, rollout
 from planar_chain_sim.recording.log_reader import read_log
 from planar_chain_sim.resimulation import command_line as resimulation
 from planar_chain_sim.symbolic import command_line as equations
@@ -26,10 +26,11 @@ ROBOT = 'four_link_robot.yaml'
 MODULES = {'rollout': 'recording.rollout', 'resimulate': 'resimulation.command_line', 'replay': 'ros.replay',
            'equations': 'symbolic.command_line', 'benchmark': 'benchmark.command_line', 'simulator': 'ros.node',
            'example_controller': 'ros.example_controller', 'urdf': 'urdf_file', 'plot': 'pictures.plot',
-           'animate': 'pictures.animation', 'view': 'view.command_line'}
+           'animate': 'pictures.animation', 'view': 'view.command_line', 'info': 'recording.info',
+           'repair': 'recording.repair'}
 DOORS = {'rollout': rollout.main, 'resimulate': resimulation.main, 'equations': equations.main,
          'benchmark': benchmark.main, 'urdf': urdf_file.main, 'plot': plot.main,
-         'animate': animation.main, 'view': view.main}
+         'animate': animation.main, 'view': view.main, 'info': info.main, 'repair': repair.main}
 ODD = [
     '', ' ', '-', '--', '---', '-1', '-1,2,0', '-1e3,2,0,0,0', '0', '1e300', '-1e300', '1e-300', '1e309', 'nan',
     '-nan', 'inf', '-inf', '1_000', '0x10', '1,2', '1,,2', 'a=b', 'a=', '=1', '=', 'column_slide=1',
@@ -42,9 +43,10 @@ ODD = [
 
 @pytest.fixture(scope='module')
 def folder(tmp_path_factory):
-    """Return a folder with a short log, run.mcap."""
+    """Return a folder with a short log, run.mcap, and one that was cut short, torn.mcap."""
     path = tmp_path_factory.mktemp('doors')
     assert rollout.main([ROBOT, '--duration', '0.01', '--output', str(path / 'run.mcap')]) == 0
+    (path / 'torn.mcap').write_bytes((path / 'run.mcap').read_bytes()[:-100])
     return path
 
 
@@ -68,12 +70,14 @@ def odd_arguments(random, name):
              'urdf': ['--output', '--commands', '--states'],
              'plot': ['--output', '--what', '--joints', '--from', '--to', '--trace'],
              'animate': ['--output', '--duration', '--speed', '--size', '--from', '--trail', '--trace'],
-             'view': ['--port', '--host', '--hold']}[name]
+             'view': ['--port', '--host', '--hold'],
+             'info': [],
+             'repair': ['--output', '--outptu']}[name]
     first = {'rollout': [ROBOT], 'resimulate': ['run.mcap'], 'equations': [random.choice([ROBOT, 'run.mcap'])],
              'benchmark': [random.choice(['references', 'all', 'calls', 'nothing'])],
              'urdf': [ROBOT], 'plot': [random.choice([ROBOT, 'run.mcap'])],
              'animate': [random.choice([ROBOT, 'run.mcap'])],
-             'view': [ROBOT]}[name]
+             'view': [ROBOT], 'info': ['run.mcap'], 'repair': ['torn.mcap']}[name]
     arguments = list(first)
     for _ in range(random.randint(1, 3)):
         if flags and random.random() < 0.8:
@@ -85,7 +89,8 @@ def odd_arguments(random, name):
     return arguments
 
 
-@pytest.mark.parametrize('name', ['rollout', 'resimulate', 'equations', 'urdf', 'plot', 'animate', 'view'])
+@pytest.mark.parametrize('name', ['rollout', 'resimulate', 'equations', 'urdf', 'plot', 'animate', 'view', 'info',
+                                  'repair'])
 def test_odd_arguments_by_the_hundred(name, folder, monkeypatch, capsys):
     """In one process: 0 and a result, or 2 and one sentence. What was refused leaves no file."""
     monkeypatch.chdir(folder)
@@ -154,7 +159,7 @@ def test_odd_arguments_of_replay():
 
 @pytest.mark.parametrize('name, arguments', [
     ('rollout', [ROBOT, '--output']), ('urdf', [ROBOT, '--output']), ('plot', [ROBOT, '--output']),
-    ('plot', ['run.mcap', '--output']),
+    ('plot', ['run.mcap', '--output']), ('repair', ['torn.mcap', '--output']),
     ('equations', [ROBOT, '--picture']), ('equations', ['run.mcap', '--time', '0.01', '--picture'])])
 def test_an_output_that_exists_is_not_overwritten(name, arguments, folder, monkeypatch, capsys):
     """The file may be the input, which would then be lost."""

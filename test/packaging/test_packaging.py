@@ -19,8 +19,8 @@ import planar_chain_sim
 
 ROOT = Path(__file__).resolve().parents[2]
 NAME = 'planar_chain_sim'
-EXECUTABLES = ['animate', 'benchmark', 'equations', 'example_controller', 'plot', 'replay', 'resimulate', 'rollout',
-               'simulator', 'urdf', 'view']
+EXECUTABLES = ['animate', 'benchmark', 'equations', 'example_controller', 'info', 'plot', 'repair', 'replay',
+               'resimulate', 'rollout', 'simulator', 'urdf', 'view']
 LAYOUTS = {'copied': [], 'linked': ['--symlink-install']}
 NOT_SOURCES = shutil.ignore_patterns('.*', 'build', 'install', 'log', 'dist', '*.egg-info', '__pycache__', '*.so',
                                      'MUJOCO_LOG.TXT')

@@ -2,20 +2,18 @@
 import os
 from pathlib import Path
 import re
-import struct
 import sys
-import zlib
 
 from mcap import records
 from mcap.reader import make_reader
 from mcap.stream_reader import StreamReader
+from oracles.container import check_container
 import pytest
 from recorded_run import CHANNELS, recorded, TYPE_NAMES, write_log
 import yaml
 
 from planar_chain_sim.recording.cdr import decode_joint_state
 from planar_chain_sim.recording.log_writer import COMPRESSIONS
-from planar_chain_sim.recording.mcap_file import MAGIC
 from planar_chain_sim.recording.message_types import MESSAGE_TYPES
 
 
@@ -26,80 +24,19 @@ def finished(tmp_path_factory):
     return write_log(tmp_path_factory.mktemp('log') / 'run.mcap', messages), messages
 
 
-def read_record(file, offset, record_type):
-    """Read the one record at an offset and return it with its length in the file."""
-    file.seek(offset)
-    record = next(StreamReader(file, skip_magic=True, emit_chunks=True).records)
-    assert type(record) is record_type
-    file.seek(offset + 1)
-    return record, 9 + struct.unpack('<Q', file.read(8))[0]
-
-
-def check_chunk(file, index):
-    """Compare a chunk with its index in the summary and its message indexes with its messages."""
-    chunk, length = read_record(file, index.chunk_start_offset, records.Chunk)
-    assert length == index.chunk_length
-    assert (len(chunk.data), chunk.uncompressed_size, chunk.compression) == (
-        index.compressed_size, index.uncompressed_size, index.compression) == (len(chunk.data),) * 2 + ('',)
-    assert zlib.crc32(chunk.data) == chunk.uncompressed_crc
-    assert length <= 257 * 1024
-    log_times, indexes_length = [], 0
-    for channel_id, offset in index.message_index_offsets.items():
-        message_index, length = read_record(file, offset, records.MessageIndex)
-        indexes_length += length
-        assert message_index.channel_id == channel_id
-        for log_time, message_offset in message_index.records:
-            assert struct.unpack_from('<BQHIQ', chunk.data, message_offset)[::2] == (5, channel_id, log_time)
-            log_times.append(log_time)
-    assert indexes_length == index.message_index_length
-    assert (min(log_times), max(log_times)) == (index.message_start_time, index.message_end_time) == (
-        chunk.message_start_time, chunk.message_end_time)
-    return log_times
-
-
 def test_the_container_is_what_the_specification_wants(finished):
     path, messages = finished
+    assert [(topic, log_time) for topic, log_time in check_container(path)] == [
+        (message.topic, message.log_time) for message in messages]
     with open(path, 'rb') as file:
-        outer = [type(record).__name__ for record in StreamReader(file, emit_chunks=True).records]
-        # All that is needed to read the rest comes first, every message is in a chunk, the end is whole.
-        assert outer[:4] == ['Header', 'Attachment', 'Metadata', 'Metadata']
-        assert 'Message' not in outer and outer.count('Chunk') > 2
-        assert outer.count('DataEnd') == outer.count('Statistics') == outer.count('Footer') == 1
-
-        file.seek(0)
-        reader = make_reader(file)
-        header, summary = reader.get_header(), reader.get_summary()
-        assert (header.profile, bool(header.library)) == ('ros2', True)
-        log_times = sum((check_chunk(file, index) for index in summary.chunk_indexes), [])
-        assert sorted(log_times) == [message.log_time for message in messages]
-        for index in summary.attachment_indexes:
-            attachment, length = read_record(file, index.offset, records.Attachment)
-            assert (attachment.name, length) == (index.name, index.length)
-        for index in summary.metadata_indexes:
-            metadata, length = read_record(file, index.offset, records.Metadata)
-            assert (metadata.name, length) == (index.name, index.length)
-
-        file.seek(0)
-        found = list(StreamReader(file, validate_crcs=True).records)
-        assert len(found) > len(messages)
-
-    # The summary says of itself where its groups are, and sums itself up.
-    data, footer = path.read_bytes(), found[-1]
-    assert footer.summary_crc == zlib.crc32(data[footer.summary_start:-len(MAGIC) - 4])
-    groups = [record for record in found if isinstance(record, records.SummaryOffset)]
-    assert [group.group_opcode for group in groups] == [data[group.group_start] for group in groups]
-    ends = [group.group_start + group.group_length for group in groups]
-    assert [footer.summary_start, *ends] == [*(group.group_start for group in groups), footer.summary_offset_start]
-
+        summary = make_reader(file).get_summary()
     counts = {channel.topic: sum(message.topic == channel.topic for message in messages) for channel in CHANNELS}
     statistics = summary.statistics
     assert {channel.topic: statistics.channel_message_counts.get(channel.id, 0)
             for channel in summary.channels.values()} == counts
-    assert (statistics.message_count, statistics.chunk_count, statistics.attachment_count, statistics.metadata_count,
-            statistics.channel_count, statistics.schema_count) == (
-                len(messages), len(summary.chunk_indexes), 1, 3, 4, 4)
-    assert (statistics.message_start_time, statistics.message_end_time) == (
-        messages[0].log_time, messages[-1].log_time)
+    assert len(summary.chunk_indexes) > 2
+    assert (statistics.attachment_count, statistics.metadata_count, statistics.channel_count,
+            statistics.schema_count) == (1, 3, 4, 4)
 
 
 def test_every_record_is_explained_before_it_is_needed(finished):
