@@ -85,7 +85,7 @@ class McapFile:
     def add_channel(self, topic: str, encoding: str, schema: int, metadata: Mapping[str, str]) -> int:
         """Announce a topic, in the chunk in the making; return its number."""
         self._channels.append(encoded(records.Channel(len(self._channels) + 1, topic, encoding, dict(metadata),
-                                                       schema)))
+                                                      schema)))
         self.chunk.add_record(self._channels[-1])
         return len(self._channels)
 
