@@ -141,7 +141,7 @@ class TransformsLayout:
 
 def decode_joint_state(data) -> JointStateMessage:
     """Decode a sensor_msgs/msg/JointState (bytes-like, encapsulation included); CdrError if it is none."""
-    cursor = _Cursor(data, 'sensor_msgs/msg/JointState')
+    cursor = Cursor(data, 'sensor_msgs/msg/JointState')
     seconds, nanoseconds = cursor.stamp()
     return JointStateMessage(
         stamp=seconds * 1_000_000_000 + nanoseconds,
@@ -158,7 +158,7 @@ def decode_float64_multi_array(data) -> Sequence[float]:
         count, = _COUNT.unpack_from(data, 12)
         if count and len(data) >= 20 + 8 * count:            # a gap of four lies before the first value
             return unpack_from(f'<{count}d', data, 20)
-    cursor = _Cursor(data, 'std_msgs/msg/Float64MultiArray')
+    cursor = Cursor(data, 'std_msgs/msg/Float64MultiArray')
     for _ in range(cursor.count(12)):
         cursor.string()                                      # label
         cursor.count(0)                                      # size
@@ -179,23 +179,15 @@ def encode_float64_multi_array(values) -> bytes:
     return _ENCAPSULATION + body
 
 
-def decode_wrench_stamped(data) -> tuple[str, tuple, tuple]:
-    """Decode a geometry_msgs/msg/WrenchStamped: frame_id, force (x, y, z), torque (x, y, z); CdrError if it is none."""
-    cursor = _Cursor(data, 'geometry_msgs/msg/WrenchStamped')
-    cursor.stamp()
-    frame_id, numbers = cursor.string(), cursor.float64s(6)
-    return frame_id, numbers[:3], numbers[3:]
-
-
 def decode_clock(data) -> int:
     """Decode a rosgraph_msgs/msg/Clock to its time, ns; CdrError if it is none."""
-    seconds, nanoseconds = _Cursor(data, 'rosgraph_msgs/msg/Clock').stamp()
+    seconds, nanoseconds = Cursor(data, 'rosgraph_msgs/msg/Clock').stamp()
     return seconds * 1_000_000_000 + nanoseconds
 
 
 def decode_string(data) -> str:
     """Decode a std_msgs/msg/String to its text; CdrError if it is none."""
-    return _Cursor(data, 'std_msgs/msg/String').string()
+    return Cursor(data, 'std_msgs/msg/String').string()
 
 
 def encode_string(text: str) -> bytes:
@@ -240,7 +232,7 @@ def _append_float64_array(body: bytearray, values: np.ndarray) -> int:
     return start
 
 
-class _Cursor:
+class Cursor:
     """A place in a CDR message; each read checks the remaining bytes first, so a false count allocates nothing."""
 
     def __init__(self, data, type_name: str):

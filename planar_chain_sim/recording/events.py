@@ -26,8 +26,9 @@ class Kind(NamedTuple):
     One kind of event: who publishes or logs it, the keys of its data, one sentence of meaning.
 
     `apply`: changes a simulation at its present tick by this data, ValueError if that is impossible; None for a kind
-    that does not change the simulation. `defaults`: for keys that may be missing. The key `effort` has the efforts
-    (joints,), N m or N, that act from this tick on, or None if they stay the same.
+    that does not change the simulation. `defaults`: for keys that may be missing. `idle`: data that changes nothing as
+    long as nothing of this kind acts; then there is no event, nor for data that acts already. The key `effort` has the
+    efforts (joints,), N m or N, that act from this tick on, or None if they stay the same.
     """
 
     by: str
@@ -35,6 +36,7 @@ class Kind(NamedTuple):
     meaning: str
     apply: Optional[Callable[[Simulation, dict], None]] = None
     defaults: Mapping = {}
+    idle: Optional[Mapping] = None
 
     @property
     def changes_run(self) -> bool:
@@ -88,7 +90,8 @@ EVENTS = {
                     apply=_set_payload, defaults={'inertia_com': 0.0, 'plan': ''}),
     'wrench': Kind(BOTH, WRENCH, "A wrench acts on `body` until the next one; `axes` is 'body' or 'world'.",
                    apply=lambda simulation, data: simulation.set_wrench(**{key: data[key] for key in WRENCH}),
-                   defaults={'force': [0.0, 0.0], 'moment': 0.0, 'axes': 'body'}),
+                   defaults={'force': [0.0, 0.0], 'moment': 0.0, 'axes': 'body'},
+                   idle={'force': [0.0, 0.0], 'moment': 0.0}),
     'pause': Kind(NODE, (), 'Time stands still.'),
     'resume': Kind(NODE, (), 'Time goes on.'),
     'step': Kind(NODE, (), 'One tick was made while paused.'),

@@ -11,16 +11,17 @@ from warnings import warn
 
 import numpy as np
 
-from .cdr import CdrError, decode_float64_multi_array, decode_joint_state, decode_wrench_stamped
+from .cdr import CdrError
 from .events import decode_event
 from .log_reader import LogFile, read_log
+from .message_types import MESSAGE_TYPES
 from .run_settings import readable_settings, simulation_of
 from .states import message_heads, StateDecoder
 from ..chain.chain import Chain
 from ..chain.section import counted
 from ..errors import LogError
 
-_COMMANDS = ('std_msgs/msg/Float64MultiArray', 'sensor_msgs/msg/JointState', 'geometry_msgs/msg/WrenchStamped')
+_COMMANDS = [name for name, row in MESSAGE_TYPES.items() if row.decode]
 _EVENT_HEAD = 8   # bytes of CDR before the text of a std_msgs/msg/String
 
 
@@ -209,14 +210,9 @@ def _check_events(file: LogFile, messages: _Messages) -> None:
 
 
 def _decode_command(type_name: str, data: bytes) -> dict:
+    decode = MESSAGE_TYPES[type_name].decode
+    assert decode, type_name
     try:
-        if type_name == 'std_msgs/msg/Float64MultiArray':
-            return {'effort': list(decode_float64_multi_array(data))}
-        if type_name == 'sensor_msgs/msg/JointState':
-            state = decode_joint_state(data)
-            return {'stamp': state.stamp, 'names': list(state.names), 'position': state.position.tolist(),
-                    'velocity': state.velocity.tolist(), 'effort': state.effort.tolist()}
-        body, force, torque = decode_wrench_stamped(data)
-        return {'body': body, 'force': list(force), 'torque': list(torque)}
+        return decode(data)
     except CdrError as error:
         return {'error': str(error)}

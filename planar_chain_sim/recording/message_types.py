@@ -1,5 +1,5 @@
 """
-Definitions and type hashes of the messages a log can hold, so that a log explains itself where ROS is not installed.
+The messages a log can hold: definitions and type hashes, so that a log explains itself where ROS is not installed.
 
 A definition is laid out as rosbag2 lays it out (rosbag2_storage_mcap, message_definition_cache): the message, then for
 each type it uses, depth first, a line of 80 '=', a line 'MSG: package/Type' and that type. The hash is the RIHS01 of
@@ -7,14 +7,39 @@ REP-2016, which is blind to comments, so these definitions carry none.
 """
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Callable, NamedTuple, Optional
+
+from .cdr import Cursor, decode_float64_multi_array, decode_joint_state
 
 
 class MessageType(NamedTuple):
-    """How a log explains one type: its definition with all it uses (encoding 'ros2msg'), and its RIHS01 hash."""
+    """
+    How a log explains one type: its definition with all it uses (encoding 'ros2msg'), and its RIHS01 hash.
+
+    `decode`: for a type that the node takes as an input, bytes -> what of it can have an effect, as plain data;
+    CdrError where the bytes are no such message.
+    """
 
     definition: str
     type_hash: str
+    decode: Optional[Callable[[bytes], dict]] = None
+
+
+def _efforts(data: bytes) -> dict:
+    return {'effort': list(decode_float64_multi_array(data))}
+
+
+def _joint_state(data: bytes) -> dict:
+    state = decode_joint_state(data)
+    return {'stamp': state.stamp, 'names': list(state.names), 'position': state.position.tolist(),
+            'velocity': state.velocity.tolist(), 'effort': state.effort.tolist()}
+
+
+def _wrench(data: bytes) -> dict:
+    cursor = Cursor(data, 'geometry_msgs/msg/WrenchStamped')
+    cursor.stamp()
+    body, (x, y, z, about_x, about_y, about_z) = cursor.string(), cursor.float64s(6)
+    return {'body': body, 'force': [x, y, z], 'torque': [about_x, about_y, about_z]}
 
 
 def _with_parts(definition: str, *parts: str) -> str:
@@ -37,13 +62,13 @@ MESSAGE_TYPES = {
     'sensor_msgs/msg/JointState': MessageType(
         _with_parts('std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n',
                     _HEADER, _TIME),
-        'RIHS01_a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e'),
+        'RIHS01_a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e', _joint_state),
     'std_msgs/msg/Float64MultiArray': MessageType(
         _with_parts('MultiArrayLayout layout\nfloat64[] data\n', _LAYOUT, _DIMENSION),
-        'RIHS01_1025ddc6b9552d191f89ef1a8d2f60f3d373e28b283d8891ddcc974e8c55397f'),
+        'RIHS01_1025ddc6b9552d191f89ef1a8d2f60f3d373e28b283d8891ddcc974e8c55397f', _efforts),
     'geometry_msgs/msg/WrenchStamped': MessageType(
         _with_parts('std_msgs/Header header\nWrench wrench\n', _HEADER, _TIME, _WRENCH, _VECTOR3),
-        'RIHS01_8dc3deaf06b2ab281f9f9a742a8961c328ca7cec16e3fd6586d3a5c83fa78f77'),
+        'RIHS01_8dc3deaf06b2ab281f9f9a742a8961c328ca7cec16e3fd6586d3a5c83fa78f77', _wrench),
     'std_msgs/msg/String': MessageType(
         'string data\n',
         'RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18'),

@@ -1,4 +1,4 @@
-"""Commands and wrenches from the network: received when a tick needs them, recorded, checked and kept."""
+"""Commands and other changes from the network: received when a tick needs them, recorded, checked and kept."""
 from __future__ import annotations
 
 from collections import Counter
@@ -9,10 +9,11 @@ from rclpy.guard_condition import GuardCondition
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 
 from .answers import Answers
-from .commands import CommandError, CommandReader, HeldEffort, LONGEST_MESSAGE
+from .commands import CommandError, CommandReader, HeldEffort, LONGEST_MESSAGE, too_long
 from .messages import COMMANDS, INPUTS
-from .wrenches import WrenchReader
 from .._kernel import plain_command
+from ..recording.cdr import CdrError
+from ..recording.message_types import MESSAGE_TYPES
 
 
 class CommandIntake:
@@ -23,8 +24,8 @@ class CommandIntake:
     returns True, or returns False if it has logged one for this key in the last second.
     `commanded`: of CommandReader. held: HeldEffort. rejected, ignored: reason -> number of messages that were
     refused, and of those without effect, in whole or in part. superseded: number of messages replaced by newer ones
-    before they acted. fresh: topics of accepted messages, until the owner clears it. wrenches: body -> data of the
-    event 'wrench' for its newest wrench, until the owner takes it out.
+    before they acted. fresh: topics of accepted messages, until the owner clears it. changes: (kind, what) of a Change
+    -> key of its input and its data, the newest, until the owner takes it out.
     """
 
     def __init__(self, chain, commanded, inputs, context, publication, warn):
@@ -35,10 +36,12 @@ class CommandIntake:
                              range(max(subscription.qos_profile.depth, INPUTS[key].depth)))
                        for key, subscription in inputs.items()}
         self._reader = CommandReader(self._names, commanded)
-        self._wrench_reader = WrenchReader([body.name for body in chain.bodies])
+        # Inputs that are no commands: key -> what decodes a message, and what makes a Change of it.
+        self._readers: dict[str, tuple] = {key: (MESSAGE_TYPES[topic.type_name].decode, topic.reader(chain).read)
+                                           for key, topic in INPUTS.items() if topic.reader}
         self.held, self.rejected, self.ignored = HeldEffort(len(self._names)), Counter(), Counter()
         self.superseded, self.fresh = 0, set()
-        self.wrenches, self._pushes = {}, []  # _pushes: messages not yet read
+        self.changes, self._unread = {}, []  # _unread: messages on inputs that are no commands
         self._heard: tuple[str, ...] = ()  # keys of the inputs that have a publisher
         self._next: tuple[str, ...] = ()   # keys of the inputs to poll next time
         self._waker = GuardCondition(lambda: None, None, context=context)
@@ -80,8 +83,8 @@ class CommandIntake:
         acts; in lockstep the first one that answers the waiting state.
         """
         arrived = self._take() if self._next else ()
-        if self._pushes:
-            self._read_wrenches()
+        if self._unread:
+            self._read_changes()
         if not arrived:
             return None
         if len(arrived) == 1 and not answers and arrived[0][1] == 'commands':
@@ -93,15 +96,15 @@ class CommandIntake:
                 return None
         acting, rejected, settled = [], {}, set()
         for place, (received, key, data) in enumerate(arrived if answers else reversed(arrived)):
-            topic = self._topics[key]
             if not answers and len(settled) == len(self._names):
                 self.superseded += len(arrived) - place  # the rest of a flood need not be read
                 break
             try:
                 command = self._reader.read(INPUTS[key].type_name, data)
             except CommandError as error:
-                rejected.setdefault(topic, []).append(error)
+                rejected.setdefault(key, []).append(error)
                 continue
+            topic = self._topics[key]
             if answers:
                 command = answers.admit(command, received)
             for reason, sentence in command.ignored:
@@ -111,8 +114,8 @@ class CommandIntake:
                 self.fresh.add(topic)
                 self.superseded += not answers and settled.issuperset(command.joints)
                 settled.update(command.joints)
-        for topic, errors in rejected.items():
-            self._reject(topic, errors)
+        for key, errors in rejected.items():
+            self.reject(key, errors)
         if not acting:
             return None
         for _, command in acting if answers else reversed(acting):
@@ -133,7 +136,7 @@ class CommandIntake:
                 if key in COMMANDS:
                     arrived.append((about['received_timestamp'], key, data))
                 else:
-                    self._pushes.append(data)
+                    self._unread.append((key, data))
                 if len(data) <= LONGEST_MESSAGE:
                     self._publication.record_command(self._topics[key], data, about['source_timestamp'])
         # Each topic keeps its own order; between topics, the time at which the middleware received a message decides.
@@ -141,22 +144,30 @@ class CommandIntake:
             arrived.sort(key=itemgetter(0))
         return arrived
 
-    def _read_wrenches(self) -> None:
-        """Check the wrenches that have come and keep the newest for each body."""
-        errors, topic = [], self._topics['wrench']
-        for data in self._pushes:
+    def _read_changes(self) -> None:
+        """Read the messages on other inputs that have come, and keep the newest change of each thing."""
+        rejected = []
+        for key, data in self._unread:
+            decode, read = self._readers[key]
             try:
-                wrench, ignored = self._wrench_reader.read(data)
-                if ignored:
-                    self.ignore(topic, 'out of plane', f'wrench on {topic} {ignored}')
-                self.superseded += wrench['body'] in self.wrenches
-                self.wrenches[wrench['body']] = wrench
-                self.fresh.add(topic)
+                if len(data) > LONGEST_MESSAGE:
+                    raise too_long(data)
+                kind, what, change, ignored = read(decode(data))
+            except CdrError as error:
+                rejected.append((key, CommandError('malformed', str(error))))
+                continue
             except CommandError as error:
-                errors.append(error)
-        self._pushes.clear()
-        if errors:
-            self._reject(topic, errors[::-1])
+                rejected.append((key, error))
+                continue
+            topic, place = self._topics[key], (kind, what)
+            for reason, sentence in ignored:
+                self.ignore(topic, reason, f'{key} on {topic} {sentence}')
+            self.superseded += place in self.changes
+            self.changes[place] = key, change
+            self.fresh.add(topic)
+        self._unread.clear()
+        for key in dict(rejected):
+            self.reject(key, [error for place, error in reversed(rejected) if place == key])
 
     def ignore(self, topic: str, reason: str, sentence: str) -> None:
         """Count a message without effect; report it by at most one warning and one event a second."""
@@ -165,9 +176,9 @@ class CommandIntake:
             self._publication.publish_event('ignored', topic=topic, reason=reason, message=sentence,
                                             count=self.ignored[reason])
 
-    def _reject(self, topic: str, errors: list) -> None:
-        """Count and report the messages refused on a topic, `errors` newest first: one report for each reason."""
-        what = 'wrench' if topic == self._topics['wrench'] else 'command'
+    def reject(self, key: str, errors: list) -> None:
+        """Count and report the messages refused on an input, `errors` newest first: one report for each reason."""
+        topic, what = self._topics[key], 'command' if key in COMMANDS else key
         for reason, count in Counter(error.reason for error in errors).items():
             error = next(error for error in errors if error.reason == reason)
             self.rejected[reason] += count

@@ -19,6 +19,11 @@ class CommandError(ValueError):
         self.reason = reason
 
 
+def too_long(data: bytes) -> CommandError:
+    """Return the error for a message of more than LONGEST_MESSAGE bytes."""
+    return CommandError('too long', f'it has {len(data)} bytes, must have at most {LONGEST_MESSAGE}')
+
+
 class Command(NamedTuple):
     """
     What a message asks for: `efforts` (N m or N) of `joints` (indices), in its order.
@@ -30,6 +35,20 @@ class Command(NamedTuple):
     joints: Sequence[int]
     efforts: Sequence[float]
     stamp: Optional[int] = None
+    ignored: tuple = ()
+
+
+class Change(NamedTuple):
+    """
+    What a message on another input asks for: the event `kind`, a row of EVENTS, with `data`.
+
+    `what`: what it changes, such as the name of a body; of several changes of the same, only the newest acts.
+    `ignored`: what in the message has no effect, as (reason, sentence).
+    """
+
+    kind: str
+    what: str
+    data: dict
     ignored: tuple = ()
 
 
@@ -54,7 +73,7 @@ class CommandReader:
         is not finite.
         """
         if len(data) > LONGEST_MESSAGE:
-            raise CommandError('too long', f'it has {len(data)} bytes, must have at most {LONGEST_MESSAGE}')
+            raise too_long(data)
         try:
             if type_name == 'std_msgs/msg/Float64MultiArray':
                 return self._in_order(decode_float64_multi_array(data))

@@ -67,7 +67,7 @@ class LockstepSimulator(Simulator):
     def _take_commands(self) -> None:
         """Take the answers that have come; when all are there, record the efforts that act."""
         self._topic = self._intake.take_commands(self._simulation.tick, self._answers) or self._topic
-        self._apply_wrenches()
+        self._apply_changes()
         if self._answers.complete:
             self._record_answers()
 

@@ -49,6 +49,13 @@ class Meter:
         self._ticks = self._sum = self._largest = 0  # wake-ups and their lateness, ns, since the last look
         self._last = simulation.tick, monotonic_ns()
 
+    def change(self, simulation, kind: str, data: dict) -> None:
+        """Take over a change from outside, an event: a wrench does work from now on, others begin a new balance."""
+        if kind == 'wrench':
+            self.balance.push(data['body'], data['force'], data['moment'])
+        else:
+            self.restart(simulation)
+
     def restart(self, simulation) -> None:
         """Start a new energy balance after the state or the chain was changed from outside."""
         self.balance.restart(simulation.chain, simulation.position, simulation.velocity)

@@ -2,11 +2,13 @@
 from __future__ import annotations
 
 from importlib import import_module
-from typing import NamedTuple
+from typing import Any, Callable, NamedTuple, Optional
 
 from rclpy.callback_groups import CallbackGroup
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
+
+from .wrenches import WrenchReader
 
 
 class Topic(NamedTuple):
@@ -14,6 +16,8 @@ class Topic(NamedTuple):
     A topic: name, type as ROS writes it, queue depth; every one is reliable and keep_last(depth).
 
     `latched`: transient_local, for late subscribers. `option`: the parameter that must be true for the topic to exist.
+    `reader`: of an input that is no command: chain -> an object whose read() makes a Change of what `decode` of its
+    MESSAGE_TYPES row returns, or raises CommandError.
     """
 
     name: str
@@ -21,6 +25,7 @@ class Topic(NamedTuple):
     depth: int
     latched: bool = False
     option: str = ''
+    reader: Optional[Callable[[Any], Any]] = None
 
     @property
     def message(self) -> type:
@@ -55,7 +60,11 @@ COMMANDS = {
     'commands': Topic('~/commands', 'std_msgs/msg/Float64MultiArray', 64),
     'joint_commands': Topic('~/joint_commands', 'sensor_msgs/msg/JointState', 64),
 }
-INPUTS = {**COMMANDS, 'wrench': Topic('~/wrench', 'geometry_msgs/msg/WrenchStamped', 64)}
+# All inputs: each kind of Change needs its row in EVENTS, each type its row with `decode` in MESSAGE_TYPES.
+INPUTS = {
+    **COMMANDS,
+    'wrench': Topic('~/wrench', 'geometry_msgs/msg/WrenchStamped', 64, reader=WrenchReader),
+}
 
 
 class PolledGroup(CallbackGroup):

@@ -38,7 +38,7 @@ class Simulator(TickThread):
         self.overruled += 1
         apply_event(self._simulation, 'reset', {})
         self._clear_commands()
-        self._wrenches.clear()
+        self._acting.clear()
         self._meter.balance.release()
         if self._end and not self._paused:
             self._pacing.anchor(self._simulation.tick, monotonic_ns())

@@ -12,6 +12,7 @@ from time import monotonic_ns, sleep, time_ns
 from typing import Any
 
 from .command_intake import CommandIntake
+from .commands import CommandError
 from .measurement import Meter
 from .pacing import LONGEST_LATENESS, Pacing, wake_punctually
 from .publication import Publication
@@ -19,7 +20,7 @@ from .requests import Requests
 from ..chain.quantities import QUANTITIES, to_json
 from ..errors import LogError, SimulationError
 from ..motion.simulation import Interrupted
-from ..recording.events import apply_event, encode_command, encode_joint_event, end_event
+from ..recording.events import apply_event, encode_command, encode_joint_event, end_event, EVENTS
 
 CHECK_PERIOD = 20_000_000  # ns between two checks of who publishes commands, and of the log
 LONGEST_SLEEP = 10_000_000  # ns; a request or a stop is noticed after at most this, whatever the rate
@@ -58,7 +59,7 @@ class TickThread:
         self._intake = CommandIntake(simulation.chain, values['commanded_joints'], inputs, context, self._publication,
                                      self._warn)
         self._held = self._intake.held
-        self._wrenches = {}  # body -> data of its newest event 'wrench'
+        self._acting = {}  # (kind, what) of a Change -> its data, the newest that acts
         self._meter = Meter(simulation, self._publication.layout)
         self._has_joint_events = simulation.has_events
         self._paused, self._end = values['start_paused'], None
@@ -235,8 +236,8 @@ class TickThread:
         topic = self._intake.take_commands(tick)
         if topic:
             self._record_command(topic)
-        if self._intake.wrenches:
-            self._apply_wrenches()
+        if self._intake.changes:
+            self._apply_changes()
         if timeout and self._held.commanded:
             silent = self._held.expire(tick, timeout / self._simulation.step * (1.0 - 1e-12))
             if silent:
@@ -246,16 +247,26 @@ class TickThread:
                 self._warn('timeout', f'no command for {", ".join(names[:32])} within {timeout:g} s, '
                            'effort is zero now')
 
-    def _apply_wrenches(self) -> None:
-        """Apply the wrenches that have come, and publish an event for each that differs from the one before."""
-        wrenches = self._intake.wrenches
-        while wrenches:
-            body, wrench = wrenches.popitem()
-            if wrench != self._wrenches.get(body, dict(wrench, force=[0.0, 0.0], moment=0.0)):
-                self._wrenches[body] = wrench
-                apply_event(self._simulation, 'wrench', wrench)
-                self._meter.balance.push(body, wrench['force'], wrench['moment'])
-                self._publication.publish_event('wrench', **wrench)
+    def _apply_changes(self) -> None:
+        """Apply the changes that have come, and publish an event for each that does not act already."""
+        changes, simulation = self._intake.changes, self._simulation
+        while changes:
+            place, (key, data) = changes.popitem()
+            kind, row = place[0], EVENTS[place[0]]
+            if row.idle is not None:
+                acting = self._acting.get(place)
+                if data == ({**data, **row.idle} if acting is None else acting):
+                    continue
+            try:
+                apply_event(simulation, kind, data)
+            except ValueError as error:
+                self._intake.reject(key, [CommandError('impossible', str(error))])
+                continue
+            self._acting[place] = data
+            self._meter.change(simulation, kind, data)
+            if 'plan' in row.keys:
+                data = {**data, 'plan': simulation.plan}
+            self._publication.publish_event(kind, **data)
 
     def _record_command(self, topic: str) -> None:
         """Record the efforts that act from now on; a command on `topic` has changed them."""

@@ -1,39 +1,34 @@
-"""Wrenches on bodies: reading and checking of messages."""
+"""Wrenches on bodies: what a message on `~/wrench` changes."""
 from __future__ import annotations
 
 from math import isfinite
-from typing import Sequence
 
-from .commands import CommandError, LONGEST_MESSAGE
-from ..recording.cdr import CdrError, decode_wrench_stamped
+from .commands import Change, CommandError
+
+ACROSS = (('out of plane', 'has a force along z or a torque about x or y, which has no effect'),)
 
 
 class WrenchReader:
-    """Reads the wrenches on bodies of these names."""
+    """Reads the wrenches on the bodies of a chain."""
 
-    def __init__(self, body_names: Sequence[str]):
-        self._names = tuple(body_names)
+    def __init__(self, chain):
+        self._names = [body.name for body in chain.bodies]
 
-    def read(self, data: bytes) -> tuple[dict, str]:
+    def read(self, message: dict) -> Change:
         """
-        Return the data of the event 'wrench' for a geometry_msgs/msg/WrenchStamped (CDR), and what has no effect.
+        Return the event 'wrench' for a decoded geometry_msgs/msg/WrenchStamped.
 
         Its frame is that of a body: x and y in the plane, the force at the body's joint point. Components out of the
-        plane have no effect; the second value says so, or is ''. CommandError: malformed bytes, another frame, a value
-        that is not finite.
+        plane have no effect. CommandError: another frame, a value that is not finite.
         """
-        if len(data) > LONGEST_MESSAGE:
-            raise CommandError('too long', f'it has {len(data)} bytes, must have at most {LONGEST_MESSAGE}')
-        try:
-            frame_id, force, torque = decode_wrench_stamped(data)
-        except CdrError as error:
-            raise CommandError('malformed', str(error)) from None
-        if frame_id not in self._names:
-            raise CommandError('unknown body', f'its frame_id is {frame_id!r:.80}, must be the name of a body: '
+        body, force, torque = message['body'], message['force'], message['torque']
+        (x, y, z), (about_x, about_y, moment) = force, torque
+        if body not in self._names:
+            raise CommandError('unknown body', f'its frame_id is {body!r:.80}, must be the name of a body: '
                                f'{", ".join(self._names[:32])}')
-        for value in (*force, *torque):
-            if not isfinite(value):
-                raise CommandError('not finite', f'its wrench on {frame_id} has the value {value}, must be finite')
-        across = force[2] or torque[0] or torque[1]
-        return ({'body': frame_id, 'force': list(force[:2]), 'moment': torque[2], 'axes': 'body'},
-                'has a force along z or a torque about x or y, which has no effect' if across else '')
+        if not isfinite(x + y + z + about_x + about_y + moment):
+            for value in force + torque:   # a sum of finite ones may be infinite
+                if not isfinite(value):
+                    raise CommandError('not finite', f'its wrench on {body} has the value {value}, must be finite')
+        wrench = {'body': body, 'force': [x, y], 'moment': moment, 'axes': 'body'}
+        return Change('wrench', body, wrench, ACROSS if z or about_x or about_y else ())

@@ -10,11 +10,13 @@ from planar_chain_sim.recording.cdr import (
     decode_float64_multi_array,
     decode_joint_state,
     decode_string,
-    decode_wrench_stamped,
     encode_float64_multi_array,
     encode_string,
     JointStateLayout,
 )
+from planar_chain_sim.recording.message_types import MESSAGE_TYPES
+
+decode_wrench_stamped = MESSAGE_TYPES['geometry_msgs/msg/WrenchStamped'].decode
 
 # What rclpy of ROS 2 Jazzy writes for two joints 'a' and 'bcd', frame 'base', stamp 1.5 s; alignment gaps set to zero.
 GOLDEN = bytes.fromhex(
@@ -135,7 +137,7 @@ def test_what_cdr_cannot_carry(wrong):
 
 def test_a_wrench():
     golden = DECODERS[decode_wrench_stamped]
-    wanted = 'arm', (1.0, 2.0, 3.0), (4.0, 5.0, 6.0)
+    wanted = {'body': 'arm', 'force': [1.0, 2.0, 3.0], 'torque': [4.0, 5.0, 6.0]}
     assert decode_wrench_stamped(golden) == wanted
     numbers = [golden[start:start + 8] for start in range(20, 68, 8)]
     swapped = bytes.fromhex('00000000' '00000001' '1dcd6500' '00000004') + golden[16:20]
@@ -178,7 +180,7 @@ def decodes_or_refuses(decode, data):
         return
     arrays = {decode_joint_state: lambda: (message.position, message.velocity, message.effort),
               decode_float64_multi_array: lambda: (np.array(message),), decode_string: lambda: (),
-              decode_wrench_stamped: lambda: (np.array(message[1]), np.array(message[2]))}[decode]()
+              decode_wrench_stamped: lambda: (np.array(message['force']), np.array(message['torque']))}[decode]()
     assert sum(array.nbytes for array in arrays) <= len(data)
     assert isinstance(message, str) == (decode is decode_string)
 
@@ -266,7 +268,7 @@ class TestAgainstRos:
         for part, values in ((message.wrench.force, numbers[:3]), (message.wrench.torque, numbers[3:])):
             part.x, part.y, part.z = values
         data = self.serialization.serialize_message(message)
-        assert decode_wrench_stamped(data) == (frame_id, tuple(numbers[:3]), tuple(numbers[3:]))
+        assert decode_wrench_stamped(data) == {'body': frame_id, 'force': numbers[:3], 'torque': numbers[3:]}
 
     @pytest.mark.parametrize('text', ['', 'abc', 'größer', '{"tick": 12345}'])
     def test_string(self, text):
