@@ -136,6 +136,22 @@ def test_the_work_of_a_wrench_is_balanced():
     assert error(2000) < 1e-9   # sums of more than one block
 
 
+def test_a_new_balance_goes_on_with_the_wrenches_that_act():
+    simulation = pcs.Simulation(ROBOT)
+    balance = EnergyBalance(ROBOT, simulation.step, simulation.position, simulation.velocity)
+    for tick in range(30):
+        if tick == 10:   # not long before the chain is changed from outside
+            simulation.set_wrench('column', [300.0, 5.0], 2.0)
+            balance.push('column', [300.0, 5.0], 2.0)
+        if tick == 15:
+            simulation.replace_chain(changed_chain(ROBOT, 'gravity', [0.0, -3.0]))
+            balance.restart(simulation.chain, simulation.position, simulation.velocity)
+        simulation.advance(1)
+        balance.add([simulation.position, simulation.velocity, simulation.effort])
+    balance.fold()
+    assert abs(balance.error) < 1e-9 * balance.size
+
+
 def test_energy_without_a_source_is_detected():
     free = changed_chain(pcs.load_chain('double_pendulum.yaml'), 'damping', [0.0, 0.0])
     assert abs(balance_of(free, 'auto', 1e-3, 2000).error) < 1e-7 * balance_of(free, 'auto', 1e-3, 1).size

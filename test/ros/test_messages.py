@@ -48,6 +48,7 @@ def context():
 def test_every_topic_can_be_recorded():
     for topic in (*OUTPUTS.values(), *INPUTS.values()):
         assert topic.type_name in MESSAGE_TYPES
+    assert all(MESSAGE_TYPES[topic.type_name].decode for topic in INPUTS.values()), 'Log.commands has them'
 
 
 def test_the_executor_sleeps_while_commands_come(context):

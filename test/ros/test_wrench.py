@@ -3,11 +3,13 @@ import json
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
-from live import Peer, run, simulator, stamp_ns
+from live import Peer, Process, run, simulator, stamp_ns
 import numpy as np
 import pytest
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
 
+from planar_chain_sim import load_log
 from planar_chain_sim.recording.log_reader import read_log
 
 # A balanced rod on a cart, upright and at rest, with nothing to pull at it: both accelerations are quotients.
@@ -208,6 +210,31 @@ def test_a_payload_comes_and_goes_and_energy_stays_in_balance(tmp_path):
     assert [payload['mass'] for payload in payloads] == [0.5, 2.5, 0.0]
     assert ['welded bodies merged: 1' in payload['plan'] for payload in payloads] == [True, True, False]
     assert {(payload['body'], *payload['position']) for payload in payloads} == {('forearm', 0.1, 0.05)}
+
+
+def test_a_row_with_a_reader_makes_a_topic_that_changes_the_run(chain_file, tmp_path):
+    path, topic = tmp_path / 'run.mcap', '/simulator/payload'
+    with Process('payload_topic', '--ros-args', '-p', f'chain_file:={chain_file}', '-p', 'start_paused:=true', '-p',
+                 f'record:={path}') as process, Peer() as peer:
+        process.wait_for('running')
+        peer.meet()
+        publisher = peer.node.create_publisher(Float64MultiArray, topic, 64)
+        peer.until(publisher.get_subscription_count, 'a match')
+        for mass in (6.0, -1.0):
+            told = len(events(peer, 'payload')) + len(events(peer, 'rejected'))
+            publisher.publish(Float64MultiArray(data=[mass, 0.0, 0.0]))
+            peer.until(lambda: len(events(peer, 'payload')) + len(events(peer, 'rejected')) > told)
+        payload, = events(peer, 'payload')
+        assert payload['data']['mass'] == 6.0 and 'welded bodies merged: 1' in payload['data']['plan']
+        rejected, = events(peer, 'rejected')
+        assert rejected['data']['topic'] == topic and 'a mass of -1.0 kg' in rejected['data']['reason']
+        process.wait_for(f'payload on {topic} rejected')
+        peer.joint_commands.publish(JointState(name=['rail'], effort=[5.0]))
+        peer.until(lambda: events(peer, 'command'))
+        assert step(peer, 10).velocity[0] == pytest.approx(5.0 / (CART + ROD + 6.0) * 0.01)
+        assert process.stop() == 0, process.output
+    assert 'equal: 11 states' in resimulated(path)
+    assert [command['effort'][0] for command in load_log(path).commands if command['topic'] == topic] == [6.0, -1.0]
 
 
 def test_a_payload_moves_slower(chain_file):
