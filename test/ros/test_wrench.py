@@ -97,7 +97,7 @@ def test_a_wrench_acts_as_newton_says_and_the_log_runs_again(chain_file, tmp_pat
         push(peer, publisher, 'cart')
         np.testing.assert_allclose(step(peer, 3).velocity, speeds, rtol=1e-12, atol=1e-15)
         # The same wrench again changes nothing and has no event.
-        publisher.publish(wrench('cart'))
+        publisher.publish(wrench('rod'))
         publisher.publish(wrench('cart', x=1.0))
         assert peer.until(lambda: events(peer, 'wrench')[5:])[0]['data']['force'] == [1.0, 0.0]
         assert peer.call('reset')[0]
@@ -107,6 +107,8 @@ def test_a_wrench_acts_as_newton_says_and_the_log_runs_again(chain_file, tmp_pat
         assert process.stop() == 0, process.output
     assert 'equal: 20 states' in resimulated(path)
     assert len([message for message in read_log(path).messages if message.topic == WRENCH]) == 8
+    forces = [event['data']['force'] for event in load_log(path).events if event['kind'] == 'wrench']
+    assert forces == [[0.0, -8.0], [0.0, 0.0], [-4.0, 0.0], [0.0, 0.0], [0.0, 0.0], [1.0, 0.0], [1.0, 0.0]]
     with simulator(chain_file=chain_file, start_paused=True, record=again) as process, Peer() as peer:
         peer.meet()
         code, output = run('planar_chain_sim.ros.replay', path, '--wait', 30)
