@@ -14,6 +14,7 @@ from .scene import SAMPLE, Scene, Stroke, Trail
 
 EVERY = 4        # rows from frame to frame; between them the browser interpolates
 LABELS = 400     # texts of the time at most
+EARLY = 2e-6     # of the whole time: a text changes so much before its frame, as browsers round times
 
 
 def write_svg(scene: Scene, stream, done: Callable[[int], object]) -> None:
@@ -119,13 +120,13 @@ def _trail(scene: Scene, trail: Trail, rows: range, moves: str) -> str:
 
 def _times(scene: Scene, rows: range, moves: str):
     """Yield a text for each time, of which one is seen at a time."""
-    every = -(-len(rows) // LABELS)
-    shown = list(range(0, len(rows), every))
-    for k, start in enumerate(shown):
-        first, last = start / (len(rows) - 1), (shown[k + 1] / (len(rows) - 1) if k + 1 < len(shown) else 1.0)
-        values, times = zip(*[(value, time) for value, time, wanted in (
-            ('hidden', 0.0, first > 0.0), ('visible', first, first < 1.0), ('hidden', last, last < 1.0)) if wanted])
-        yield (f'<text x="{0.7 * scene.font:.1f}" y="{1.35 * scene.font:.1f}" '
-               f'visibility="{"hidden" if k else "visible"}">{scene.time(rows[start])}<animate '
-               f'attributeName="visibility" calcMode="discrete" values="{";".join(values)}" '
-               f'keyTimes="{";".join(f"{time:.6g}" for time in times)}" {moves}/></text>')
+    count = len(rows) - 1
+    shown = [*range(0, count, -(-count // LABELS)), count]
+    for start, end in zip(shown, shown[1:]):
+        values = ['hidden', 'visible', 'hidden']
+        times = [0.0, start / count - EARLY, end / count - EARLY * (end < count)]
+        skip = start == 0     # it is visible from the beginning
+        yield (f'<text x="{0.7 * scene.font:.1f}" y="{1.35 * scene.font:.1f}" visibility="{values[skip]}">'
+               f'{scene.time(rows[start])}<animate attributeName="visibility" calcMode="discrete" '
+               f'values="{";".join(values[skip:])}" '
+               f'keyTimes="{";".join(f"{max(time, 0.0):.6f}" for time in times[skip:])}" {moves}/></text>')
