@@ -36,8 +36,9 @@ class EnergyBalance:
     def restart(self, chain: Chain, position, velocity) -> None:
         """Start again from a state (joints,), after the chain or the state was changed from outside."""
         self._chain = chain
-        for force, moment in self._forces.values():
-            force[:], moment[:] = force[len(self._rows)], moment[len(self._rows)]   # as they act from now on
+        for rows in self._forces.values():
+            for values in rows:
+                values[:] = values[len(self._rows)]   # as they act from now on
         self._rows.clear()
         self._losses = [(k, joint, law) for k, joint in enumerate(chain.joints) for law in JOINT_FORCES
                         if law.energy is None and law.acts_on(joint)]

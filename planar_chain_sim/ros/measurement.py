@@ -52,7 +52,7 @@ class Meter:
     def change(self, simulation, kind: str, data: dict) -> None:
         """Take over a change from outside, an event: a wrench does work from now on, others begin a new balance."""
         if kind == 'wrench':
-            self.balance.push(data['body'], data['force'], data['moment'])
+            self.balance.push(**data)
         else:
             self.restart(simulation)
 
