@@ -144,8 +144,9 @@ def _repair_file(arguments) -> int:
         print_line(f'{path}: nothing to repair, it is finished and its {counted(found.states, "state")} are whole')
         return 0
     seconds = '' if found.lost_time is None else f', {found.lost_time:.3g} s of the recording'
-    print_line(f'{output}: {counted(found.states, "state")} up to t = {found.time:g} s; lost: '
-               f'{counted(found.lost, "byte")} at the end of {path.name}{seconds}')
+    part = f'the last {counted(found.lost, "byte")}' if found.lost else 'nothing'
+    lost = f'{part} of {path.name}{seconds if found.lost else ""}'
+    print_line(f'{output}: {counted(found.states, "state")} up to t = {found.time:g} s; lost: {lost}')
     if found.damage:
         print_line(f'what follows the first damage is not used: {found.damage}')
     return 0

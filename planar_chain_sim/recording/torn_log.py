@@ -8,7 +8,7 @@ from typing import Callable, Iterator, NamedTuple, Optional
 import numpy as np
 
 from .log_index import TIMES
-from .log_reader import LogHead
+from .log_reader import LogFile, LogHead
 from .mcap_records import (
     attachment_of,
     CHUNK,
@@ -71,6 +71,7 @@ class TornLog:
         self._size = os.fstat(file.fileno()).st_size
         self._schemas: dict = {}
         self._head, self._finished = LogHead(path, file), False   # _finished: all messages came
+        self._log: Optional[LogFile] = None
         self._tally: dict = {}    # channel -> number of messages, sequence and log time of the last
         self._log_time = 0        # of the last message
 
@@ -94,6 +95,8 @@ class TornLog:
         """Check a record; return of a chunk what add_chunk() takes, else None; LogError: it is damaged."""
         self._head.take(opcode, start, length)
         if opcode == Opcode.CHUNK:
+            if not self.chunks:
+                self._log = self._head.log(part=True)   # LogError for the files of others
             self.chunks += 1
             return self._chunk(start, content_of(self._path, self._file, start, length, check=True))
         if opcode == Opcode.MESSAGE_INDEX:
@@ -110,6 +113,8 @@ class TornLog:
     def rest(self) -> Optional[tuple]:
         """Return, of the damaged or cut chunk at the end, the messages that are whole for certain, None for none."""
         head = os.pread(self._file.fileno(), FRAME.size + CHUNK.size + 8, self.end)   # of a chunk without compression
+        if not self.chunks:
+            self._log = self._head.log(part=True)
         if self._finished or len(head) < FRAME.size + CHUNK.size + 8 or head[0] != Opcode.CHUNK:
             return None
         start = self.end + len(head)
@@ -170,6 +175,7 @@ class TornLog:
         if not places:
             return content, 0, 0, {}
         heads, begin, _ = message_heads(content, places)
+        self._check_ticks(heads)
         entries = np.stack((heads['log_time'], (begin - MESSAGE.size - FRAME.size).astype(np.uint64)), axis=1)
         index = {}
         for channel in np.unique(heads['channel']).tolist():
@@ -179,6 +185,18 @@ class TornLog:
             self._tally[channel] = messages + int(mine.sum()), int(heads['sequence'][mine][-1])
         first, self._log_time = int(heads['log_time'].min()), int(heads['log_time'].max())
         return content, first, self._log_time, index
+
+    def _check_ticks(self, heads: np.ndarray) -> None:
+        """Raise LogError where the states among these messages do not follow those before, tick by tick."""
+        for channel, (topic, _) in self.channels.items():
+            if self._log and topic == self._log.settings.get('state_topic'):
+                ticks = heads['sequence'][heads['channel'] == channel]
+                last = [self._tally[channel][1]] if channel in self._tally else ticks[:1]
+                ticks = np.append(np.array(last, np.uint32), ticks)
+                wrong = np.flatnonzero(np.diff(ticks) > 1).tolist()   # modulo 2^32, as the log keeps ticks
+                if wrong:
+                    before, after = ticks[wrong[0]:wrong[0] + 2].tolist()
+                    raise LogError(f'log {str(self._path)!r}: its state of tick {after} does not follow tick {before}')
 
     def _lost_time(self, lost: int) -> Optional[float]:
         """Return the s of the recording in the rest of the file, by the heads of its chunks; None: they do not tell."""

@@ -13,6 +13,7 @@ from live import PATIENCE, Peer, run, simulator, stamp_ns
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 import numpy as np
+from oracles.container import check_container
 from oracles.log_frames import check_frames
 import pytest
 from rosbags.rosbag2 import Reader
@@ -149,6 +150,13 @@ def test_a_killed_node_leaves_a_log_that_runs_again(tmp_path):
     assert code == 0, output
     stamps = [decode_joint_state(message.data).stamp for message in messages(path, STATES)]
     assert stamp_ns(last) - stamps[-1] < 1_000_000_000, 'no more is lost than a flush period and what the disk adds'
+    again = tmp_path / 'again.mcap'
+    code, output = run('planar_chain_sim.recording.repair', path, '--output', again)
+    assert code == 0, output
+    check_container(again)
+    assert [decode_joint_state(message.data).stamp for message in messages(again, STATES)][:len(stamps)] == stamps
+    code, output = resimulate(again)
+    assert code == 0, output
 
 
 def test_every_kind_of_change_runs_again(tmp_path):
