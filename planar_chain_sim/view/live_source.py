@@ -48,7 +48,8 @@ class LiveSource(Source):
         self._chain: Optional[Chain] = None
         self._values: dict[str, Any] = {}
         self._wrenches: dict[str, Wrench] = {}
-        self._paused, self._said, self._fault = False, '', ''
+        self._paused: Optional[bool] = None      # as events say, and the first report
+        self._said, self._fault = '', ''
         self._factor = self._lateness = np.nan
         self._begin: Optional[int] = None        # stamp of the first state, ns
         self._last: Optional[tuple] = None
@@ -137,7 +138,7 @@ class LiveSource(Source):
             self._fault = ''
         except ChainError as error:
             self._bare, self._fault = None, str(error)
-        self._begin, self._wrenches, self._paused = None, {}, False
+        self._begin, self._wrenches, self._paused = None, {}, None
         self._grips.clear()
         self._adopt()
 
@@ -223,7 +224,9 @@ class LiveSource(Source):
         if report:
             self._factor = float(report.get('real_time_factor', 'nan'))
             self._lateness = float(report.get('lateness mean, s', 'nan'))
-            self._said, self._paused = report['message'], report['message'].startswith('paused')
+            self._said = '' if report['message'] in ('running', 'paused') else report['message']
+            if self._paused is None:   # later reports may be older than events
+                self._paused = report['message'] == 'paused'
         self._tell_status()
 
     def _tell_status(self) -> None:
@@ -241,8 +244,8 @@ class LiveSource(Source):
         elif age > STALE:
             sentence, fault = f'no state on {robot.state_topic} for {age:.0f} s', 'stale'
         else:
-            sentence = 'paused' if self._paused else self._said or 'running'
-        status = {'sentence': sentence, 'fault': bool(fault), 'paused': self._paused, 'name': robot.name,
+            sentence = self._said or ('paused' if self._paused else 'running')
+        status = {'sentence': sentence, 'fault': bool(fault), 'paused': bool(self._paused), 'name': robot.name,
                   'can': sorted(robot.abilities & {*CONTROLS}),
                   'values': {name: self._values[name] for name in SETTINGS if name in self._values}}
         if status != self.status:

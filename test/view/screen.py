@@ -1,13 +1,13 @@
 """The page in a browser: what is drawn, and the mouse on it."""
+from base64 import b64decode
+from io import BytesIO
+
+import numpy as np
 from pages import until
+from PIL import Image
 from selenium.webdriver import ActionChains
 
-STEPS = 25   # px to either side of a body that are looked at
-COLUMN = """
-const canvas = document.getElementById('arm'), pen = canvas.getContext('2d'), ratio = canvas.width / canvas.clientWidth;
-return arguments[0].map(([x, y]) => Array.from(pen.getImageData(Math.round(x * ratio), Math.round(y * ratio), 1, 1).data));
-"""
-
+REACH = 12.0   # px to either side of a body that are looked at
 
 class Screen:
     """The page at an address, in a tab of a browser."""
@@ -37,24 +37,11 @@ class Screen:
         width, height, x, y, scale = self('const c = view.camera; return [c.width, c.height, c.x, c.y, c.scale]')
         return width / 2 + (point[0] - x) * scale, height / 2 - (point[1] - y) * scale
 
-    def colors(self, pixels):
-        """Return red, green, blue and opacity of pixels of the canvas."""
-        return self(COLUMN, [list(map(float, pixel)) for pixel in pixels])
-
-    def across(self, start, end, share, color):
-        """
-        Return where a body is drawn, px beside the line from start to end, pixels, seen across it at a share of it.
-
-        That is the middle of the pixels that have its colour, '#rrggbb'; None if there are none.
-        """
-        (ax, ay), (bx, by) = start, end
-        length = ((bx - ax)**2 + (by - ay)**2)**0.5
-        sides = [0.5 * step for step in range(-2 * STEPS, 2 * STEPS + 1)]
-        seen = self.colors([(ax + share * (bx - ax) - side * (by - ay) / length,
-                             ay + share * (by - ay) + side * (bx - ax) / length) for side in sides])
-        wanted = [int(color[k:k + 2], 16) for k in (1, 3, 5)]
-        found = [side for side, rgba in zip(sides, seen) if max(abs(a - b) for a, b in zip(rgba, wanted)) <= 2]
-        return (min(found) + max(found)) / 2 if found else None
+    def picture(self):
+        """Return the canvas as (height, width, 4) bytes, and its pixels per pixel of the page."""
+        address, width = self('const c = document.getElementById("arm"); return [c.toDataURL(), c.clientWidth]')
+        pixels = np.array(Image.open(BytesIO(b64decode(address.partition(',')[2]))).convert('RGBA'))
+        return pixels, pixels.shape[1] / width
 
     def press(self, pixel, move=(0, 0)):
         """Press the mouse at a pixel of the canvas, and move it while it is held."""
@@ -71,3 +58,19 @@ class Screen:
         """Press the thumb of a slider that stands in its middle and move it by a share of its length."""
         actions = ActionChains(self.browser, duration=20)
         actions.click_and_hold(element).move_by_offset(round(share * element.rect['width']), 0).perform()
+
+
+def across(picture, start, end, share, color):
+    """
+    Return where a body is drawn, px beside the line from start to end, pixels, seen across it at a share of it.
+
+    That is the middle of the pixels that have its colour, '#rrggbb'; None if there are none.
+    """
+    pixels, ratio = picture
+    along = np.subtract(end, start)
+    side = np.array([-along[1], along[0]]) / np.hypot(*along)
+    away = np.arange(-REACH, REACH, 0.25)
+    places = np.floor((start + share * along + away[:, None] * side) * ratio).astype(int)
+    wanted = [int(color[k:k + 2], 16) for k in (1, 3, 5)]
+    found = away[np.abs(pixels[places[:, 1], places[:, 0], :3] - np.array(wanted)).max(axis=1) <= 2]
+    return float(found[[0, -1]].mean()) if len(found) else None
