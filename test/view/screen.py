@@ -9,6 +9,7 @@ from selenium.webdriver import ActionChains
 
 REACH = 12.0   # px to either side of a body that are looked at
 
+
 class Screen:
     """The page at an address, in a tab of a browser."""
 

@@ -23,10 +23,10 @@ pytestmark = pytest.mark.ros
 
 CHAIN = pcs.load_chain(CONFIG / 'four_link_robot.yaml')
 FOREARM = CHAIN.body_index['forearm']
-TOWARDS_THE_MOUSE = '''
+TOWARDS_THE_MOUSE = """
 const {fx, fy} = view.arms[0].bodies[arguments[0]], {from: [x, y], to: [tx, ty]} = view.drawing.pull;
 return fx * (tx - x) + fy * (ty - y) > 0.9 * Math.hypot(fx, fy) * Math.hypot(tx - x, ty - y);
-'''
+"""
 HANG = 'setTimeout(() => { const end = performance.now() + 4000; while (performance.now() < end); }, 0);'
 
 
