@@ -158,7 +158,7 @@ class Server:
         except Mistake as error:
             frame, told.refused = None, str(error)
         now = monotonic()
-        told.next = max(begun + SHORTEST, now + SHARE * (now - begun))
+        told.next = max(begun + SHORTEST, now + SHARE * (now - begun) * (self._source.kind != 'log'))   # no tick waits
         for news in told.news(self._source):
             await page.send_str(as_json(news))
         await page.send_bytes(frame or b'')

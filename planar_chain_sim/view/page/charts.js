@@ -9,6 +9,7 @@ const MOST = 8192;        // rows that are kept
 const LEFT = 46;          // px for the numbers
 const FOOT = 15;          // px for the times, in one of the charts
 const BUDGET = 5;         // ms for drawing charts in one frame
+const PERIOD = 30;        // ms between two drawings of a chart
 const TOLD = 8;           // values beside the mouse
 const WIDE = {dashed: [5, 3], plain: []};
 
@@ -153,11 +154,12 @@ export class Charts {
 
   // Draw as many charts as there is time for; the others have their turn in the next frame.
   draw() {
-    if (this.stale) {
+    const begun = performance.now();
+    if (this.stale && begun - (this.drawn ?? 0) >= PERIOD) {
       this.due = this.charts.length;
       this.stale = false;
+      this.drawn = begun;
     }
-    const begun = performance.now();
     for (; this.due > 0 && performance.now() - begun < BUDGET; this.due -= 1) {
       this.chart(this.charts[this.turn = (this.turn + 1) % this.charts.length]);
     }

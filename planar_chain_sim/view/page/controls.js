@@ -43,7 +43,7 @@ export class Controls {
       this.setting('gravity', 'gravity, m/s²', {min: -20, max: 20, step: 0.01},
                    (values) => values[1], (value, values) => [values[0], value]),
       this.setting('real_time_factor', 'real-time factor', {min: 0.05, max: 4, step: 0.05}),
-      this.setting('damping', 'damping, times own', {min: 0, max: 10, step: 0.1},
+      this.setting('damping', 'damping, × own', {min: 0, max: 10, step: 0.1},
                    (values) => this.dampingFactor(values), (value) => this.ownDamping.map((each) => each * value)),
       this.setting('payload_mass', 'payload, kg', {min: 0, max: 10, step: 0.05}));
     this.tell(this.status);

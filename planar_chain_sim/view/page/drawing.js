@@ -214,7 +214,8 @@ export class Drawing {
 
   hinge(joint, {angle}, body, q, lit) {
     const {pen, camera} = this, [px, py] = camera.toPixel(body.x, body.y), turn = (at) => -(angle + joint.axis * at);
-    const radius = 10 + 1.6 * this.width;
+    const {x1, y1, x2, y2} = body.segments[0] ?? {}, long = 0.45 * Math.hypot(x2 - x1, y2 - y1) * camera.scale;
+    const radius = Math.min(10 + 1.6 * this.width, Math.max(long || 0, this.width + 1)), tick = Math.min(5, 0.3 * radius);
     if (joint.lower !== null && joint.upper !== null && joint.upper - joint.lower < 2 * Math.PI) {
       pen.strokeStyle = colors.line;
       pen.beginPath();
@@ -225,10 +226,11 @@ export class Drawing {
       if (stop === null) continue;
       const c = Math.cos(turn(stop)), s = Math.sin(turn(stop)), on = lit(stop);
       pen.strokeStyle = on ? colors.fault : colors.faint;
-      pen.lineWidth = on ? 5 : 2.5;
-      stroke(pen, [px + (radius - 5) * c, py + (radius - 5) * s], [px + (radius + 5) * c, py + (radius + 5) * s]);
+      pen.lineWidth = on ? tick : 0.5 * tick;
+      stroke(pen, [px + (radius - tick) * c, py + (radius - tick) * s],
+             [px + (radius + tick) * c, py + (radius + tick) * s]);
     }
-    if (joint.stiffness) {   // a spiral from where it is slack to where the body is
+    if (joint.stiffness && radius > 12) {   // a spiral from where it is slack to where the body is
       pen.strokeStyle = colors.faint;
       pen.lineWidth = 1.5;
       pen.beginPath();

@@ -1,6 +1,6 @@
 // The list of events, the newest first; the same that repeats is counted, not repeated.
 
-import {short} from './drawing.js';
+import {short, shortened} from './drawing.js';
 
 const MOST = 200;
 const WORDS = {
@@ -79,7 +79,7 @@ export class Events {
 }
 
 function words(kind, data) {
-  const whose = data.joint ?? data.body ?? data.name ?? '';
+  const whose = shortened(String(data.joint ?? data.body ?? data.name ?? ''), 48);
   const rest = Object.entries(data).filter(([key, value]) => !QUIET.has(key) && value !== null && value !== '')
     .map(([key, value]) => `${key} ${shown(value)}`).join(', ');
   const why = [data.reason, data.message].filter(Boolean).map(shown).join(', ');

@@ -35,7 +35,7 @@ const keys = new Keys({
   before: () => controls.turn(-1), after: () => controls.turn(1),
   slower: () => timeline.faster(-1), faster: () => timeline.faster(1),
 }, () => controls.letGo());
-let complaint = 0, step = NaN;
+let complaint = 0, step = NaN, early = [];   // events that came before the first frame, which tells what a tick is
 
 const connection = new Connection({
   wanted: () => timeline.active ? {time: timeline.time} : {},
@@ -56,6 +56,7 @@ const connection = new Connection({
     pointer.letGo();
     controls.tell({can: [], values: {}});
     events.clear();
+    early = [];
     timeline.forget();
   },
 
@@ -79,6 +80,7 @@ const connection = new Connection({
     if (arm.tick > 0) step = arm.time / arm.tick;
     view.arms = arms;
     view.frames += 1;
+    if (early.length) hear(early.splice(0));
     pointer.follow();
     drawing.draw(view.scene, arms);
     if (!timeline.active) charts.add(arm);
@@ -124,6 +126,10 @@ function tell(status) {
 }
 
 function hear(fresh) {
+  if (!view.arms) {
+    early.push(...fresh);
+    return;
+  }
   events.add(fresh);
   if (timeline.active) timeline.add(fresh);
   for (const {kind, data} of fresh.slice(-20)) if (kind === 'stop_touched') drawing.light(data.joint);

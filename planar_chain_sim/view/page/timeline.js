@@ -7,6 +7,7 @@ const SPEEDS = [0.05, 0.1, 0.25, 0.5, 1, 2, 5, 10, 50];
 const THUMB = 8;          // px, half of the slider's thumb
 const BEFORE = 0.7;       // share of the charts' window that is past
 const ROWS = 450;         // of a window of the charts
+const CALM = 120;         // ms without a jump, after which the charts of the new place are asked for
 const BAD = new Set(['divergence', 'stopped', 'dropped_time', 'rejected', 'controller_loss', 'command_timeout']);
 
 export class Timeline {
@@ -86,6 +87,7 @@ export class Timeline {
   }
 
   seek(time) {
+    this.moved = performance.now();
     this.time = Math.min(this.last, Math.max(this.first, time));
     this.label();
   }
@@ -140,7 +142,7 @@ export class Timeline {
     const end = begin + span, {asked} = this;
     if (!asked || asked.span !== span || (begin < asked.begin && asked.begin > first) || (end > asked.end && asked.end < last)) {
       const wanted = {begin: Math.max(first, begin - span), end: Math.min(last, end + span), count: (whole ? 2 : 3) * ROWS};
-      if (!this.waiting && this.send('series', wanted)) {
+      if (!this.waiting && performance.now() - (this.moved ?? 0) > CALM && this.send('series', wanted)) {
         this.waiting = true;
         this.asked = {...wanted, span};
       }
