@@ -38,7 +38,7 @@ export class Keys {
       if (event.ctrlKey || event.altKey || event.metaKey || dialog.open) return;
       if (target.matches('select, textarea, input:not([type=range], [type=checkbox])')) return;
       if (target.matches('input[type=range]') && key.startsWith('Arrow')) return;
-      if (target.matches('button, input[type=checkbox]') && key === ' ') return;
+      if (target.matches('button:focus-visible, input[type=checkbox]') && key === ' ') return;
       const found = KEYS.find(([keys]) => keys.includes(key))?.[4];
       if (!found) return;
       event.preventDefault();
