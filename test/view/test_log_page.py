@@ -7,6 +7,8 @@ from selenium.webdriver import ActionChains, Keys
 
 import planar_chain_sim as pcs
 
+pytestmark = pytest.mark.slow
+
 STEP = 1e-3
 TICKS = 3000
 RESETS = (700, 1500, 2300)   # ticks

@@ -10,6 +10,8 @@ from selenium.webdriver import ActionChains
 
 import planar_chain_sim as pcs
 
+pytestmark = pytest.mark.slow
+
 SIZES = ((360, 740), (1280, 800), (2560, 1440))
 EVIL = '<img src="x" onerror="window.evil = 1">'
 RODS = f"""name: 'rods {EVIL}'
