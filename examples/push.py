@@ -12,6 +12,7 @@ from time import monotonic
 from geometry_msgs.msg import WrenchStamped
 import rclpy
 from rclpy.signals import SignalHandlerOptions
+from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 
@@ -27,11 +28,13 @@ def main():
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)      # Ctrl-C is Python's KeyboardInterrupt
     node = rclpy.create_node('push')
     publisher = node.create_publisher(WrenchStamped, 'simulator/wrench', 10)
-    events = []
+    events, states = [], []
     node.create_subscription(String, 'simulator/events', lambda message: events.append(json.loads(message.data)), 10)
+    heard = node.create_subscription(JointState, 'joint_states', states.append, 1)
     print('waiting for the simulator ...', flush=True)
-    while not (publisher.get_subscription_count() and node.count_publishers('simulator/events')):
+    while not (publisher.get_subscription_count() and states):      # who hears this topic hears events too, made before
         rclpy.spin_once(node, timeout_sec=0.05)
+    node.destroy_subscription(heard)
     wrench = WrenchStamped()
     wrench.header.frame_id = options.body
     wrench.wrench.force.x, wrench.wrench.force.y = options.force

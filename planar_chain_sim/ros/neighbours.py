@@ -23,9 +23,11 @@ class Neighbours:
         """Check the graph now."""
         found = {key: fault for key, *fault in self._simulator.hold_ups.during(tuple, self._found())}
         self.faults = [sentence for _, _, sentence in found.values()]
+        self._reported.intersection_update(found)
         for key in found.keys() - self._reported:
-            self._simulator.ignore(*found[key])
-        self._reported = set(found)
+            done, _ = self._simulator.ignore(*found[key])
+            if done:   # else a tick takes long: next time
+                self._reported.add(key)
 
     def _found(self):
         """Yield (key, topic, reason, sentence) of each fault."""

@@ -136,7 +136,7 @@ def create_publisher(node, topic: str, type_name: str):
     from ..errors import Mistake
     message = next(row.message for row in INPUTS.values() if row.type_name == type_name)
     try:
-        return node.create_publisher(message, topic, 10)
+        return node.create_publisher(message, topic, 1000)   # a listener that knows us late has the first ones too
     except InvalidTopicNameException as error:
         raise Mistake(f'topic {topic!r} of the log: {" ".join(str(error).split())}') from None
 

@@ -10,7 +10,7 @@ import os
 import sys
 import time
 
-PATIENCE = 60.0  # s
+PATIENCE = 240.0  # s
 # Loopback alone and by unicast, as the node's participants are looked for too.
 os.environ['CYCLONEDDS_URI'] = """<CycloneDDS><Domain Id="any">
   <General><AllowMulticast>false</AllowMulticast><Interfaces><NetworkInterface name="lo"/></Interfaces></General>

@@ -17,7 +17,7 @@ from std_msgs.msg import Float64MultiArray
 
 from planar_chain_sim import inverse_dynamics, load_chain
 
-BANDWIDTH = 15.0  # rad/s, slow enough for a controller that comes some 10 ms late
+BANDWIDTH = 6.0  # rad/s, slow enough for a controller that comes some 50 ms late
 
 
 def main():
@@ -29,6 +29,8 @@ def main():
 
     def control(state):
         nonlocal begun, published, worst, done
+        if not publisher.get_subscription_count():
+            return   # nobody would hear it
         now = state.header.stamp.sec + state.header.stamp.nanosec * 1e-9
         begun = begun or now
         position, velocity = np.array(state.position), np.array(state.velocity)

@@ -28,7 +28,7 @@ def main():
         node = Node('joiner', context=context, enable_rosout=False)
         states = node.create_subscription(JointState, topic, _never_called, 10)
         until, taken = time.monotonic() + 0.6 * period, None
-        while time.monotonic() < until:
+        while time.monotonic() < until or taken is None:
             taken = states.handle.take_message(JointState, True) or taken
             time.sleep(0.02)
         if taken is not None:

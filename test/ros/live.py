@@ -7,6 +7,7 @@ import sys
 from threading import Thread
 import time
 
+from rcl_interfaces.srv import GetParameters
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -20,7 +21,8 @@ from std_srvs.srv import SetBool, Trigger
 
 from planar_chain_sim.ros.messages import PolledGroup
 
-PATIENCE = 60.0  # s; a loaded machine may be slow, only a broken one is this slow
+PATIENCE = 300.0  # s; a loaded machine may be slow, only a broken one is this slow
+AGAIN = 0.2        # s after which what had no effect is done once more
 
 
 class Process:
@@ -116,7 +118,7 @@ class Peer:
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
         self.states, self.events, self.listening = [], [], []
-        full_name = f'{namespace}/{name}'
+        self.full_name = full_name = f'{namespace}/{name}'
         # Polled, not spun: an executor takes longer over a message than a 1 kHz node takes to send the next.
         self.states_in = self.node.create_subscription(JointState, f'{namespace}/joint_states', _never_called, 1000,
                                                        callback_group=PolledGroup())
@@ -144,23 +146,37 @@ class Peer:
                 while (message := subscription.handle.take_message(subscription.msg_type, False)) is not None:
                     taken.append(message[0])
 
-    def until(self, condition, what='the condition'):
-        """Take messages and answers until `condition()` is true and return what it returns."""
-        end, pause = time.monotonic() + PATIENCE, 0.001
+    def until(self, condition, what='the condition', again=None):
+        """
+        Take messages and answers until `condition()` is true and return what it returns.
+
+        `again()` is called if it is not, and once more after each AGAIN s in vain.
+        """
+        begun, pause, due = time.monotonic(), 0.001, 0.0
         self.poll()
         while not (result := condition()):
-            assert time.monotonic() < end, f'{what} has not come in {PATIENCE} s'
+            assert (now := time.monotonic()) < begun + PATIENCE, f'{what} has not come in {PATIENCE} s'
+            if again and now >= due:
+                again()
+                due = time.monotonic() + AGAIN
             self.executor.spin_once(timeout_sec=pause)
             self.poll()
             pause = min(1.2 * pause, 0.02)   # an answer that is soon there is seen at once, a long wait costs little
         return result
 
     def meet(self):
-        """Wait until everything is matched in both directions."""
+        """Wait until either side receives whatever the other sends from now on."""
         self.until(lambda: self.commands.get_subscription_count() and self.joint_commands.get_subscription_count()
                    and self.states_in.get_publisher_count() and self.events_in.get_publisher_count(), 'a match')
         for client in self.services.values():
             self.until(client.service_is_ready, 'a service')
+        # Our side knows the node's writers; does the node know our readers? It hears of them in the order in which they
+        # were made. So it knows them all when its answer reaches the newest, that of a client made now.
+        newest, asked = self.node.create_client(GetParameters, f'{self.full_name}/get_parameters'), []
+        self.until(newest.service_is_ready, 'a service')
+        self.until(lambda: any(future.done() for future in asked), 'an answer',   # one that comes too soon is lost
+                   lambda: asked.append(newest.call_async(GetParameters.Request(names=['rate']))))
+        self.node.destroy_client(newest)
         return self
 
     def listen(self, message, topic, latched=False):

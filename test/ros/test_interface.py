@@ -167,7 +167,7 @@ def test_diagnostics_have_time_commands_energy_and_log(everything):
         everything.commands.publish(Float64MultiArray(data=command))
     everything.until(lambda: sum(event['data']['count'] for event in events(everything, 'rejected')) >= 3)
     messages.clear()
-    everything.until(lambda: len(messages) >= 2)
+    everything.until(lambda: len(messages) >= 3)
     parts = statuses(messages[-1])
     assert list(parts) == ['simulation', 'commands', 'log', 'network']
     assert {part.hardware_id for part in parts.values()} == {CHAIN.name}
@@ -178,9 +178,8 @@ def test_diagnostics_have_time_commands_energy_and_log(everything):
     assert values(parts['commands']) == {'rejected': '3', 'rejected, wrong length': '2', 'rejected, not finite': '1',
                                          'ignored': '0', 'superseded': '0'}
     assert values(parts['log'])['path'] == str(everything.log) and parts['log'].message == 'writing'
-    apart = (messages[-1].header.stamp.sec - messages[-2].header.stamp.sec
-             + 1e-9 * (messages[-1].header.stamp.nanosec - messages[-2].header.stamp.nanosec))
-    assert apart > 0.5, 'once a second, not more often'
+    apart = (stamp_ns(messages[-1]) - stamp_ns(messages[0])) / (len(messages) - 1)
+    assert apart > 0.5e9, 'once a second, not more often; one may be late'
 
 
 def test_diagnostics_of_a_divergence_are_an_error_with_joint_time_and_state(everything):
@@ -224,13 +223,12 @@ def test_as_fast_as_possible_and_slower_than_time():
         assert stamp_ns(peer.standing_state()) == 0
         peer.call('pause', False)
         peer.new_state(lambda state: stamp_ns(state) > 20 * 10**9)
-        assert peer.set(real_time_factor=0.5) == [(True, '')]
-        slow = next(event['tick'] for event in events(peer, 'parameter')[::-1]
-                    if event['data']['name'] == 'real_time_factor')
-        begun = stamp_ns(peer.new_state(lambda state: stamp_ns(state) > slow * MS))
         wall = time.monotonic()
-        ended = stamp_ns(peer.new_state(lambda state: stamp_ns(state) > begun + 300 * MS))
-        assert ended - begun < 0.55 * (time.monotonic() - wall) * 1e9 + 50 * MS, 'no more than half of what passed'
+        assert peer.set(real_time_factor=0.5) == [(True, '')]
+        slow = peer.until(lambda: next((event['tick'] for event in events(peer, 'parameter')
+                                        if event['data']['name'] == 'real_time_factor'), None))
+        ended = stamp_ns(peer.new_state(lambda state: stamp_ns(state) > (slow + 300) * MS))
+        assert ended - slow * MS < 0.55 * (time.monotonic() - wall) * 1e9 + 50 * MS, 'at most half of what passed'
         # Another pace is no lost time; what the machine loses later on is.
         assert not [event for event in events(peer, 'dropped_time') if event['tick'] <= slow]
         assert process.stop() == 0, process.output

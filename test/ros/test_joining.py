@@ -2,6 +2,7 @@
 from contextlib import ExitStack
 import json
 import os
+from pathlib import Path
 import time
 
 from live import PATIENCE, Process, run, simulator
@@ -10,6 +11,7 @@ import pytest
 from planar_chain_sim.recording.cdr import decode_joint_state, decode_string
 from planar_chain_sim.recording.log_reader import read_log
 from planar_chain_sim.ros import publication
+from planar_chain_sim.ros.pacing import LONGEST_LATENESS
 from planar_chain_sim.ros.publication import HoldUps, SHORTEST_HOLD_UP
 
 PROCESSES, MS = 6, 1_000_000
@@ -24,18 +26,26 @@ def test_six_processes_that_join_at_once_cost_no_time(tmp_path):
         joiners = [stack.enter_context(Process('joiner', '/joined/joint_states', ROUNDS, period, begin))
                    for _ in range(PROCESSES)]
         # The DDS library can hang in a joiner that leaves, once in a hundred runs; the node must go on all the same.
-        time.sleep(2.0 + ROUNDS * period)
         for joiner in joiners:
-            joiner.end_within(10.0)
+            joiner.end_within(120.0)
+        waited = waited_for_processor(node)
         assert node.stop() == 0, node.output
     assert sum(joiner.lines.count('heard it') for joiner in joiners) > PROCESSES * ROUNDS / 2
     messages = list(read_log(path).messages)
     events = [json.loads(decode_string(m.data)) for m in messages if m.topic.endswith('/events')]
-    assert [event for event in events if event['kind'] == 'dropped_time'] == []
+    dropped = [event['data']['seconds'] for event in events if event['kind'] == 'dropped_time']
+    assert sum(dropped) <= waited, 'by a busy machine, not by those who join'
     stamps = [decode_joint_state(m.data).stamp for m in messages if m.topic == '/joined/joint_states']
-    assert {later - earlier for earlier, later in zip(stamps, stamps[1:])} == {MS}, 'no gap and no jump'
-    assert 'machine' not in node.output
+    gaps = [later - earlier for earlier, later in zip(stamps, stamps[1:]) if later - earlier != MS]
+    assert gaps == pytest.approx([seconds * 1e9 + MS for seconds in dropped], abs=2), 'no other gap and no jump'
+    assert node.output.count('the machine cannot keep up') <= len(dropped)
     assert run('planar_chain_sim.resimulation.command_line', path)[0] == 0
+
+
+def waited_for_processor(process):
+    """Return for how long, s, the threads of a process were ready to run and the machine ran others."""
+    threads = Path(f'/proc/{process.popen.pid}/task').glob('*/schedstat')
+    return sum(int(thread.read_text().split()[1]) for thread in threads) * 1e-9
 
 
 HELD_NODE = '''
@@ -95,9 +105,11 @@ def test_only_what_publishing_does_not_explain_is_dropped(tmp_path, monkeypatch,
         assert process.stop() == 0, process.output
     events = [json.loads(decode_string(m.data)) for m in read_log(path).messages if m.topic.endswith('/events')]
     then = [event for event in events if 480 < event['tick'] < 520]   # a busy machine may be late at other ticks too
-    assert sum(event['kind'] == 'dropped_time' for event in then) == dropped
     told = [event['data']['seconds'] for event in then if event['kind'] == 'held_up']
-    assert len(told) == (held * 1e9 > SHORTEST_HOLD_UP) and all(held <= s < held + 0.5 for s in told)
+    assert bool(told) == (held * 1e9 > SHORTEST_HOLD_UP) and sum(told) >= held
+    lost = [event['data']['seconds'] for event in then if event['kind'] == 'dropped_time']
+    assert len(lost) >= dropped and all(seconds * 1e9 > LONGEST_LATENESS + sum(told) * 1e9 for seconds in lost), (
+        'if a busy machine adds to the delay, it drops that too')
 
 
 def test_hold_ups_add_up_and_short_calls_do_not_count(monkeypatch):

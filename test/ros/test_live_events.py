@@ -39,18 +39,8 @@ def test_every_kind_that_can_be_provoked_has_the_keys_of_its_row(tmp_path):
         peer.meet()
         wrenches = peer.node.create_publisher(WrenchStamped, '/simulator/wrench', 10)
 
-        def until(kind, do=lambda: None):
-            """Do something again and again, by which the kind must come about."""
-            end = time.monotonic() + 0.1
-
-            def condition():
-                nonlocal end
-                if time.monotonic() > end:
-                    do()
-                    end = time.monotonic() + 0.1
-                return any(f'"kind": "{kind}"' in event.data for event in peer.events)
-            do()
-            peer.until(condition, kind)
+        def until(kind, again=None):
+            peer.until(lambda: any(f'"kind": "{kind}"' in event.data for event in peer.events), kind, again)
 
         until('parameter', lambda: peer.set(damping=[0.1, 0.0]))
         until('payload', lambda: peer.set(payload_mass=0.5))
@@ -79,6 +69,7 @@ def test_every_kind_that_can_be_provoked_has_the_keys_of_its_row(tmp_path):
             process.send(signal.SIGCONT)
         until('dropped_time', halt)
         peer.node.destroy_publisher(peer.joint_commands)
+        assert peer.set(command_timeout=0.0) == [(True, '')]   # the last command holds until its publisher goes
         peer.commands.publish(Float64MultiArray(data=[1.0, 0.0]))
         peer.new_state(lambda state: state.effort[0] == 1.0)
         peer.node.destroy_publisher(peer.commands)

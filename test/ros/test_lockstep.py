@@ -5,10 +5,11 @@ import json
 import random
 import time
 
-from live import Peer, Process, run, simulator, stamp_ns
+from live import PATIENCE, Peer, Process, run, simulator, stamp_ns
 from lockstep_controller import effort
 import numpy as np
 import pytest
+from rclpy.duration import Duration
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
@@ -49,12 +50,13 @@ def test_a_hundred_runs_with_random_delays_have_one_hash():
     """A controller in this process, by name and in joint order in turn, with repeated and late answers thrown in."""
     periods, hashes = 20, set()
     wanted = loop_without_ros(periods)
+    begin = wanted[0].tolist()
     with simulator('__ns:=/hundred', lockstep=True) as process, Peer(namespace='/hundred') as peer:
         peer.meet()
         for trial in range(100):
             generator = random.Random(trial)
             peer.call('reset')
-            state = peer.until(lambda: peer.states and peer.states[-1], 'the state of a reset')
+            state = peer.until(lambda: next((state for state in peer.states if list(state.position) == begin), None))
             peer.states.clear()
             positions = []
             for _ in range(periods):
@@ -162,7 +164,7 @@ def test_a_controller_that_goes_is_followed_by_another(peer):
         peer.node.destroy_publisher(peer.commands)
         peer.node.destroy_publisher(peer.joint_commands)
         answer(controller, peer.new_state(), JOINTS[:1])
-        controller.new_state()   # shown again a second later, the answer has long arrived
+        assert controller.joint_commands.wait_for_all_acked(Duration(seconds=PATIENCE)), 'the answer has arrived'
     lost = peer.until(lambda: events(peer, 'controller_loss'))[-1]
     assert lost['data']['effort'] == [0.0] * 5
     peer.joint_commands = peer.node.create_publisher(JointState, '/step/simulator/joint_commands', 64)

@@ -45,7 +45,8 @@ def test_a_stop_signal_is_a_clean_end(number, trial, tmp_path):
     with simulator(record=tmp_path / 'run.mcap') as process:
         assert process.stop(number) == 0
     assert 'running' in process.lines[0] and 'send efforts to' in process.lines[1] and 'see it' in process.lines[2]
-    assert [line for line in process.lines[3:] if 'late and dropped' not in line] == []   # a busy machine may be late
+    # A busy machine may be late.
+    assert [line for line in process.lines[3:] if 'late and dropped' not in line and 'held up' not in line] == []
     assert read_log(tmp_path / 'run.mcap').complete
 
 

@@ -42,6 +42,11 @@ def events(peer, kind):
     return [event for event in map(json.loads, (message.data for message in peer.events)) if event['kind'] == kind]
 
 
+def warnings(process):
+    """Return its lines but for those that a busy machine may add."""
+    return [line for line in process.lines if 'late and dropped' not in line and 'held up' not in line]
+
+
 def status(peer, part):
     """Return the newest status of a part as (level, message, {key: value}), empty before the first."""
     statuses = [status for message in peer.diagnostics for status in message.status
@@ -50,23 +55,18 @@ def status(peer, part):
             {value.key: value.value for value in statuses[-1].values}) if statuses else (0, '', {})
 
 
-def expect_trace(peer, kind, reason, words, topic, again=lambda: None):
+def expect_trace(peer, kind, reason, words, topic, again=None):
     """
     Wait for the event, the warning and the line in diagnostics of what was refused (rejected) or ignored.
 
-    `again` sends it once more, at each of the diagnostics: what was told of for the same reason within the last second
-    is only counted.
+    `again` sends it, more than once where it must: what was told of for the same reason within the last second is only
+    counted.
     """
     def told():
         found = [event['data'] for event in events(peer, kind) if event['data']['topic'] == topic
                  and words in event['data']['message' if kind == 'ignored' else 'reason']]
-        warned = any(words in line for line in peer.process.lines)
-        if not (found and warned) and len(peer.diagnostics) > len(seen):
-            seen[:] = peer.diagnostics
-            again()
-        return warned and found
-    seen = list(peer.diagnostics)
-    assert peer.until(told, 'the event and the warning')[0]['count'] > 0
+        return any(words in line for line in peer.process.lines) and found
+    assert peer.until(told, 'the event and the warning', again)[0]['count'] > 0
     peer.until(lambda: int(status(peer, 'commands')[2].get(f'{kind}, {reason}', 0)) > 0, 'the line in diagnostics')
 
 
@@ -116,7 +116,6 @@ def test_what_has_no_effect_leaves_a_trace(peer, way):
     message, kind, reason, words = WAYS[way]
     peer.events.clear()
     topic = {JointState: 'joint_commands', Float64MultiArray: 'commands', WrenchStamped: 'wrench'}[type(message)]
-    getattr(peer, topic).publish(message)
     expect_trace(peer, kind, reason, words, f'/quiet/simulator/{topic}', lambda: getattr(peer, topic).publish(message))
     assert not events(peer, 'command') and not events(peer, 'wrench')
 
@@ -126,13 +125,14 @@ def test_what_comes_a_thousand_times_is_warned_of_once_a_second(peer):
         peer.joint_commands.publish(by_name(name=['shoulder'], effort=[1.0]))
     peer.joint_commands.publish(by_name(name=JOINTS[:1], effort=[0.0]))
     peer.until(lambda: events(peer, 'command'))
+    peer.process.wait_for("names 'shoulder'")
     lines = [line for line in peer.process.lines if "names 'shoulder'" in line]
-    assert 1 <= len(lines) <= 1 + (stamp_ns(peer.states[-1]) - stamp_ns(peer.states[0])) / 1e9
+    assert len(lines) <= 1 + (stamp_ns(peer.states[-1]) - stamp_ns(peer.states[0])) / 1e9
 
 
 def test_nan_for_all_joints_is_normal_and_told_by_nobody(peer):
     peer.events.clear()
-    before = len(peer.process.lines)
+    before = len(warnings(peer.process))
     for _ in range(20):
         peer.joint_commands.publish(by_name(name=JOINTS, position=[nan] * 5, effort=[nan] * 5))
         peer.joint_commands.publish(by_name(name=JOINTS, effort=[nan] * 5))
@@ -142,7 +142,7 @@ def test_nan_for_all_joints_is_normal_and_told_by_nobody(peer):
     seen = len(peer.diagnostics)
     peer.until(lambda: len(peer.diagnostics) >= seen + 2)
     assert not [event for event in events(peer, 'ignored') + events(peer, 'rejected')]
-    assert peer.process.lines[before:] == []
+    assert warnings(peer.process)[before:] == []
     assert status(peer, 'commands')[:2] == (0, 'none rejected')
 
 
@@ -262,7 +262,7 @@ def lockstep():
 
 
 def test_lockstep_says_what_it_waits_for_by_default(lockstep):
-    lockstep.process.wait_for(f'lockstep waits at tick 0: no command for {", ".join(JOINTS)} within 1')
+    lockstep.process.wait_for(f'lockstep waits at tick 0: no command for {", ".join(JOINTS)} within ')
     lockstep.until(lambda: status(lockstep, 'simulation')[0] == 1 and status(lockstep, 'simulation')[1].startswith(
         f'waiting for a command for {", ".join(JOINTS)}, for'), 'the status')
 
@@ -287,8 +287,8 @@ def test_a_lockstep_command_with_a_stamp_of_its_own_is_told(lockstep, seconds, r
         state = lockstep.new_state(lambda new: stamp_ns(new) > 0)
     command = by_name(name=JOINTS, effort=[1.0] * 5)
     command.header.stamp.sec = seconds
-    lockstep.joint_commands.publish(command)
-    expect_trace(lockstep, 'ignored', reason, words, '/wait/simulator/joint_commands')
+    expect_trace(lockstep, 'ignored', reason, words, '/wait/simulator/joint_commands',
+                 lambda: lockstep.joint_commands.publish(command))
     assert stamp_ns(lockstep.new_state()) == stamp_ns(state), 'it answers nothing'
 
 
@@ -331,6 +331,7 @@ def test_a_controller_of_ours_that_is_killed_is_missed_after_its_lease_of_five_s
     with simulator('__ns:=/killed', rate=100) as process, \
             Process('planar_chain_sim.ros.example_controller', '--ros-args', '-r', '__ns:=/killed') as controller, \
             Peer(namespace='/killed') as peer:
+        peer.meet()
         peer.node.destroy_publisher(peer.commands)
         peer.node.destroy_publisher(peer.joint_commands)
         peer.new_state(lambda state: any(state.effort))

@@ -8,7 +8,6 @@ from contextlib import ExitStack
 from inspect import iscoroutine
 from pathlib import Path
 from queue import SimpleQueue
-import time
 
 from live import Peer, run, simulator, stamp_ns
 import pytest
@@ -181,13 +180,13 @@ def test_over_dds_with_the_package_itself(tmp_path):
     from simulation_interfaces.action import SimulateSteps
     path = tmp_path / 'run.mcap'
     with simulator(start_paused=True, record=path) as process, Peer() as peer:
-        peer.meet()
         clients = {name: peer.node.create_client(getattr(srv, kind), f'/simulator/{name}')
                    for name, kind in SERVICES.items()}
         for client in clients.values():
             peer.until(client.service_is_ready)
         stepper = ActionClient(peer.node, SimulateSteps, '/simulator/simulate_steps')
         peer.until(stepper.server_is_ready)
+        peer.meet()
 
         def ask(name, **values):
             return peer.ask(clients[name].call_async(clients[name].srv_type.Request(**values)))
@@ -201,12 +200,14 @@ def test_over_dds_with_the_package_itself(tmp_path):
         assert [f.completed_steps + f.remaining_steps for f in feedback] == [350] * len(feedback) and feedback
         long_step = clients['step_simulation'].srv_type.Request()
         long_step.steps = 10**9
+        before = stamp_ns(peer.standing_state())
         stepping = clients['step_simulation'].call_async(long_step)
-        time.sleep(0.1)
+        peer.new_state(lambda state: stamp_ns(state) > before)
         assert ask('get_simulation_state').state.state == 2 and peer.call('reset')[0]
         assert 'came between' in peer.ask(stepping).result.error_message
         goal = peer.ask(stepper.send_goal_async(SimulateSteps.Goal(steps=10**9)))
-        time.sleep(0.1)
+        before = stamp_ns(peer.new_state())
+        peer.new_state(lambda state: stamp_ns(state) > before)
         peer.ask(goal.cancel_goal_async())
         assert 'cancelled after' in peer.ask(goal.get_result_async()).result.result.error_message
         quit_request = clients['set_simulation_state'].srv_type.Request()

@@ -3,7 +3,7 @@ import json
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
-from live import Peer, Process, run, simulator, stamp_ns
+from live import PATIENCE, Peer, Process, run, simulator, stamp_ns
 import numpy as np
 import pytest
 from sensor_msgs.msg import JointState
@@ -111,7 +111,7 @@ def test_a_wrench_acts_as_newton_says_and_the_log_runs_again(chain_file, tmp_pat
     assert forces == [[0.0, -8.0], [0.0, 0.0], [-4.0, 0.0], [0.0, 0.0], [0.0, 0.0], [1.0, 0.0], [1.0, 0.0]]
     with simulator(chain_file=chain_file, start_paused=True, record=again) as process, Peer() as peer:
         peer.meet()
-        code, output = run('planar_chain_sim.ros.replay', path, '--wait', 30)
+        code, output = run('planar_chain_sim.ros.replay', path, '--wait', PATIENCE)
         assert code == 0, output
         assert peer.until(lambda: [event['data'] for event in events(peer, 'wrench')
                                    if event['data'] == {'body': 'cart', 'force': [1.0, 0.0], 'moment': 0.0,
@@ -119,7 +119,7 @@ def test_a_wrench_acts_as_newton_says_and_the_log_runs_again(chain_file, tmp_pat
 
 
 def test_a_wrench_is_held_when_its_publisher_has_gone_and_is_no_command(chain_file):
-    with simulator(chain_file=chain_file, command_timeout=0.2), Peer() as peer:
+    with simulator(chain_file=chain_file, command_timeout=0.2, publish_clock=True), Peer() as peer:
         peer.meet()
         publisher = pusher(peer)
         push(peer, publisher, 'cart', x=0.5)
