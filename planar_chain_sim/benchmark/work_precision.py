@@ -60,7 +60,7 @@ def own_curves(problem: Problem) -> list[Curve]:
 
 
 def _tried(problem: Problem, curve: Curve, limit: float) -> list[tuple]:
-    """Return (setting, run, error and counts) along a curve, until it costs more than `limit` s or gets no better."""
+    """Return (setting, run, error and counts) along a curve, until it costs more than `limit` s or gets no better; one at least."""
     kept, best, idle = [], np.inf, 0
     for setting in curve.settings:
         try:
@@ -75,7 +75,7 @@ def _tried(problem: Problem, curve: Curve, limit: float) -> list[tuple]:
         if error < 1.0:
             kept.append((setting, run, (error, *counts)))
         seconds = _seconds(run)
-        if seconds > limit or idle >= PATIENCE:
+        if seconds > limit and kept or idle >= PATIENCE:
             break
     return kept
 
@@ -93,7 +93,7 @@ def rows(peers: dict, quick: bool = False) -> Iterator[tuple]:
     for name, problem in PROBLEMS.items():
         curves = own_curves(problem) + [curve for peer in peers.values() for curve in peer.curves(problem)]
         tried = [(curve, trial) for curve in tqdm(curves, f'{name}: errors', file=sys.stderr, leave=False, disable=None)
-                 for trial in _tried(problem, curve, 0.01 if quick else LIMIT)]
+                 for trial in _tried(problem, curve, 0.0005 if quick else LIMIT)]
 
         def repeat(count, run):
             for _ in range(count):

@@ -34,11 +34,12 @@ def not_sources(folder, names) -> set:
     return ignored | (set(names) - first if first else set())
 
 
-# Both layouts have the same sources: they are compiled once, and without optimisation, as nothing here is timed.
+# Both layouts have the same sources: they are compiled once, without optimisation and wide vectors, as nothing here is
+# timed.
 COMPILER = """#!/bin/sh
 case " $* " in *' -c '*) ;; *) exec {compiler} "$@" ;; esac
 for word; do [ "$last" = -o ] && output=$word; last=$word; done
-[ -e {kept} ] || {compiler} "$@" -O0 -o {kept} || exit 1
+[ -e {kept} ] || {compiler} "$@" -O0 -DPLANAR_CHAIN_NARROW -o {kept} || exit 1
 cp {kept} "$output"
 """
 

@@ -101,9 +101,9 @@ def test_a_damaged_text_is_a_chain_or_one_sentence():
 
 @pytest.mark.slow
 @pytest.mark.parametrize('text', [
-    '<robot name="r">' + '<link name="a"/>' * 100_000, '<robot>' + 'x<a/>' * 300_000, '<robot>' + '<!---->' * 1_000_000,
-    '<' * 1_000_000, '<!--' * 1_000_000, '<robot ' + ' '.join(f'a{k}=""' for k in range(300_000)) + '/>',
-    '<robot>' * 100_000, '<robot>' + '<a/>' * 500_000], ids=lambda text: text[:16])
+    '<robot name="r">' + '<link name="a"/>' * 30_000, '<robot>' + 'x<a/>' * 100_000, '<robot>' + '<!---->' * 300_000,
+    '<' * 300_000, '<!--' * 300_000, '<robot ' + ' '.join(f'a{k}=""' for k in range(100_000)) + '/>',
+    '<robot>' * 30_000, '<robot>' + '<a/>' * 100_000], ids=lambda text: text[:16])
 def test_long_texts_end_in_a_sentence(text):
     refusal(text)
 

@@ -87,29 +87,31 @@ sys.exit(node.main(sys.argv[3:]))
 '''
 
 
-@pytest.mark.parametrize('held, late, dropped', [
-    (0.0, 0.2, 0), (0.0, 0.7, 1), (0.7, 0.8, 0), (1.5, 1.6, 0), (1.5, 2.2, 1), (0.015, 0.51, 1)])
-def test_only_what_publishing_does_not_explain_is_dropped(tmp_path, monkeypatch, held, late, dropped):
+@pytest.mark.parametrize('held, late', [
+    (0.0, 0.2), (0.0, 0.7), (0.7, 0.8), (1.5, 1.6), (1.5, 2.2), (0.005, 0.51)])
+def test_only_what_publishing_does_not_explain_is_dropped(tmp_path, monkeypatch, held, late):
     """A real node, once `late` s late, `held` s of it within the call that publishes a state; 0.5 s are made up for."""
     (tmp_path / 'held_node.py').write_text(HELD_NODE)
     monkeypatch.syspath_prepend(tmp_path)
     path = tmp_path / 'run.mcap'
     with Process('held_node', late - held, held, '--ros-args', '-r', '__ns:=/held', '-p', f'record:={path}') as process:
         process.wait_for('running')
-        process.wait_for('held up' if held * 1e9 > SHORTEST_HOLD_UP else 'machine' if dropped else 'running')
         end = time.monotonic() + PATIENCE
         while max((message.sequence for message in read_log(path).messages if message.topic == '/held/joint_states'),
-                  default=0) < 1000:
+                  default=0) < 520:
             assert time.monotonic() < end, process.output
             time.sleep(0.1)
         assert process.stop() == 0, process.output
     events = [json.loads(decode_string(m.data)) for m in read_log(path).messages if m.topic.endswith('/events')]
     then = [event for event in events if 480 < event['tick'] < 520]   # a busy machine may be late at other ticks too
-    told = [event['data']['seconds'] for event in then if event['kind'] == 'held_up']
-    assert bool(told) == (held * 1e9 > SHORTEST_HOLD_UP) and sum(told) >= held
-    lost = [event['data']['seconds'] for event in then if event['kind'] == 'dropped_time']
-    assert len(lost) >= dropped and all(seconds * 1e9 > LONGEST_LATENESS + sum(told) * 1e9 for seconds in lost), (
-        'if a busy machine adds to the delay, it drops that too')
+    explained = sum(event['data']['seconds'] for event in then if event['kind'] == 'held_up')
+    dropped = [event['data']['seconds'] for event in then if event['kind'] == 'dropped_time']
+    # Where a busy machine adds to the call, that is explained too; where it adds to the rest, that is dropped too.
+    assert explained >= held * (held * 1e9 > SHORTEST_HOLD_UP)
+    assert all(seconds * 1e9 > LONGEST_LATENESS + explained * 1e9 for seconds in dropped)
+    assert dropped or late * 1e9 <= LONGEST_LATENESS + explained * 1e9
+    assert 'held up' in process.output or not explained
+    assert 'cannot keep up' in process.output or not dropped
 
 
 def test_hold_ups_add_up_and_short_calls_do_not_count(monkeypatch):

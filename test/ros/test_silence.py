@@ -33,7 +33,7 @@ def start_peer(process, namespace):
 @pytest.fixture(scope='module')
 def peer():
     """Yield a peer of one node for the tests of what comes while it runs."""
-    with simulator('__ns:=/quiet') as process, start_peer(process, '/quiet') as peer:
+    with simulator('__ns:=/quiet', rate=200) as process, start_peer(process, '/quiet') as peer:
         yield peer
         assert process.stop() == 0, process.output
 
