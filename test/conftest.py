@@ -36,7 +36,10 @@ if not any((ROOT / 'planar_chain_sim' / f'_kernel{suffix}').exists() for suffix 
     sys.path[:] = [entry for entry in sys.path if Path(entry).resolve() != ROOT]
     os.chdir(ROOT / 'test')  # the interpreters that tests start look in their working directory first
 
-signal.signal(signal.SIGHUP, signal.SIG_DFL)   # under nohup the processes that tests start would ignore it
+# Under nohup, or in the background of a shell, the processes that tests start would ignore these.
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 domain, domain_keeper = free_domain()
 log_folder = tempfile.TemporaryDirectory()

@@ -60,7 +60,7 @@ def own_curves(problem: Problem) -> list[Curve]:
 
 
 def _tried(problem: Problem, curve: Curve, limit: float) -> list[tuple]:
-    """Return (setting, run, error and counts) along a curve, until it costs more than `limit` s or gets no better; one at least."""
+    """Return (setting, run, error and counts) along a curve, until after one it costs over `limit` s or gets no better."""
     kept, best, idle = [], np.inf, 0
     for setting in curve.settings:
         try:
