@@ -60,7 +60,7 @@ def own_curves(problem: Problem) -> list[Curve]:
 
 
 def _tried(problem: Problem, curve: Curve, limit: float) -> list[tuple]:
-    """Return (setting, run, error and counts) along a curve, until after one it costs over `limit` s or gets no better."""
+    """Return (setting, run, error, counts) along a curve, one at least, up to a cost of `limit` s or the best."""
     kept, best, idle = [], np.inf, 0
     for setting in curve.settings:
         try:
