@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 from math import inf
+import re
 from typing import Callable, Mapping, NamedTuple, Optional
 
 from .cdr import CdrError, decode_string, encode_string
@@ -71,6 +72,8 @@ def _set_payload(simulation: Simulation, data: dict) -> None:
         simulation.restore(before)
         raise
 
+
+KIND = re.compile(rb'"kind": "(\w+)", "data": {(?:"seconds": ([-+.\de]+))?')   # in the bytes of events as written here
 
 WRENCH = ('body', 'force', 'moment', 'axes')
 END = ('message', 'reason', 'joint', 'body', 'time', 'position', 'velocity')

@@ -4,13 +4,12 @@ from __future__ import annotations
 from collections import Counter
 from datetime import datetime, timezone
 from pathlib import Path
-import re
 import sys
 from typing import Any, Iterator, Optional
 
 import numpy as np
 
-from .events import EVENTS
+from .events import EVENTS, KIND
 from .log_index import LogIndex, read_index
 from .mcap_records import content_of, open_mcap
 from .run_settings import simulation_of
@@ -19,7 +18,6 @@ from ..chain.section import clipped, counted
 from ..command_line import Parser, print_line, run_command
 
 MOST_CHUNKS = 5000   # whose events are counted; of more, this many samples
-KIND = re.compile(rb'"kind": "(\w+)", "data": {(?:"seconds": ([-+.\de]+))?')   # as events are written
 EPOCH = 10**17       # ns: a log time beyond this is wall time, three years after 1970
 
 

@@ -9,7 +9,7 @@ from typing import Any, Collection, Iterator, NamedTuple, Optional
 
 import numpy as np
 
-from .events import decode_event
+from .events import decode_event, KIND
 from .log_index import LogIndex, read_index
 from .mcap_records import beginning_of, content_of, MESSAGE, open_mcap, read_records, whole_records
 from .run_settings import readable_settings, simulation_of
@@ -69,18 +69,19 @@ class SeekableLog:
     def __init__(self, path: Any, index: Optional[LogIndex] = None) -> None:
         self._index = index = index or read_index(path)
         self.path = Path(path)
-        simulation = simulation_of(index.log)
-        self.chain, self.settings, self.complete = simulation.chain, readable_settings(index.log.settings), \
-            index.log.complete
+        simulation, settings = simulation_of(index.log), index.log.settings
+        self.chain, self.complete = simulation.chain, index.log.complete
+        self.settings = readable_settings(settings)
         self._step, self._origin = simulation.step, simulation.tick
-        self._decoder = StateDecoder(path, self.chain)
-        self._file = open_mcap(self.path)
-        self._lock, self._cache, self._cached = Lock(), OrderedDict(), 0
-        self._states = index.count_of(index.log.settings['state_topic'])
+        self._states, self._event_counts = (index.count_of(settings[key]) for key in ('state_topic', 'events_topic'))
         self._rows = np.flatnonzero(self._states).tolist()   # chunks with states
-        self._first_ticks: dict = {}                          # chunk -> the tick of its first state
         if not self._rows:
             raise LogError(f'log {str(path)!r}: it holds no state')
+        self._first_ticks: dict = {}                         # chunk -> the tick of its first state
+        self._kinds: dict = {}                               # chunk -> the kinds of its events, None where unknown
+        self._decoder = StateDecoder(path, self.chain)
+        self._lock, self._cache, self._cached = Lock(), OrderedDict(), 0
+        self._file = open_mcap(self.path)
         self.first_tick = self._first_tick(self._rows[0])
         self.last_tick = int(self._chunk(self._rows[-1]).tick[-1])
         self.first_time, self.last_time = self.first_tick * self._step, self.last_tick * self._step
@@ -99,8 +100,9 @@ class SeekableLog:
 
     def tick_at(self, time: float) -> int:
         """Return the last tick of the log at or before a time, s; the first, if it is before that."""
-        tick = np.floor(time / self._step + GRID)
-        return int(min(max(tick, self.first_tick), self.last_tick))
+        if not time > self.first_time:   # nor NaN
+            return self.first_tick
+        return int(min(np.floor(time / self._step + GRID), self.last_tick))
 
     def state_at(self, time: float) -> State:
         """Return the last state at or before a time, s; the first, if that is before it."""
@@ -181,6 +183,16 @@ class SeekableLog:
                 self._cached -= int(index.length[dropped])
             return chunk
 
+    def _may_hold(self, row: int, kinds: Collection) -> bool:
+        """Return whether a chunk may hold events of these kinds; its messages are not decoded."""
+        if row not in self._kinds:
+            content = content_of(self.path, self._file, int(self._index.start[row]), int(self._index.length[row]))
+            found = [kind for kind, _ in KIND.findall(content)]
+            whole = len(found) >= self._event_counts[row]   # else written by another tool
+            self._kinds[row] = frozenset(kind.decode() for kind in set(found)) if whole else None
+        known = self._kinds[row]
+        return known is None or not known.isdisjoint(kinds)
+
     def _sample(self, row: int) -> _Chunk:
         """Return the first states of a chunk, none where its beginning cannot be read alone."""
         index = self._index
@@ -222,9 +234,8 @@ class Events:
 
     def __init__(self, log: SeekableLog) -> None:
         self._log = log
-        counts = log._index.count_of(log.settings['events_topic'])
-        self._count = int(counts.sum())
-        self._rows = np.flatnonzero(counts).tolist()   # chunks with events
+        self._count = int(log._event_counts.sum())
+        self._rows = np.flatnonzero(log._event_counts).tolist()   # chunks with events
 
     def __len__(self) -> int:
         return self._count
@@ -233,7 +244,8 @@ class Events:
         for row in self._rows:
             yield from self._events(row)
 
-    def between(self, begin: float, end: float, limit: Optional[int] = None) -> list:
+    def between(self, begin: float, end: float, limit: Optional[int] = None,
+                kinds: Optional[Collection] = None) -> list:
         """Return the events from `begin` to `end`, s, both included, the first `limit` of them."""
         log = self._log
         first, last = log.tick_at(begin), log.tick_at(end)
@@ -241,7 +253,7 @@ class Events:
         for row in self._rows[self._place(first, after=False):]:
             if log._states[row] and log._first_tick(row) > last + 1:
                 break
-            found += [event for event in self._events(row) if first <= event['tick'] <= last]
+            found += [event for event in self._events(row, kinds) if first <= event['tick'] <= last]
             if limit is not None and len(found) >= limit:
                 return found[:limit]
         return found
@@ -249,15 +261,14 @@ class Events:
     def next(self, time: float, kinds: Optional[Collection] = None) -> Optional[dict]:
         """Return the first event after the tick at a time, s; None: there is none."""
         tick = self._log.tick_at(time)
-        return next((event for row in self._rows[self._place(tick, after=False):] for event in self._events(row)
-                     if event['tick'] > tick and (kinds is None or event['kind'] in kinds)), None)
+        return next((event for row in self._rows[self._place(tick, after=False):] for event in self._events(row, kinds)
+                     if event['tick'] > tick), None)
 
     def previous(self, time: float, kinds: Optional[Collection] = None) -> Optional[dict]:
         """Return the last event before the tick at a time, s; None: there is none."""
         tick = self._log.tick_at(time)
         return next((event for row in reversed(self._rows[:self._place(tick, after=True)])
-                     for event in reversed(self._events(row))
-                     if event['tick'] < tick and (kinds is None or event['kind'] in kinds)), None)
+                     for event in reversed(self._events(row, kinds)) if event['tick'] < tick), None)
 
     def _place(self, tick: int, after: bool) -> int:
         """Return the place in _rows of the first chunk that can hold events of a tick, or (after) behind the last."""
@@ -267,9 +278,14 @@ class Events:
             return bisect_left(self._rows, log._rows[place]) if place < len(log._rows) else len(self._rows)
         return bisect_left(self._rows, log._rows[place - 1] if place else 0)
 
-    def _events(self, row: int) -> list:
+    def _events(self, row: int, kinds: Optional[Collection] = None) -> list:
+        """Return the events of these kinds in a chunk."""
+        log = self._log
+        if kinds is not None and not log._may_hold(row, kinds):
+            return []
         try:
-            return [decode_event(data) for data in self._log._chunk(row).events]
+            events = [decode_event(data) for data in log._chunk(row).events]
         except ValueError as error:
-            topic = self._log.settings['events_topic']
-            raise LogError(f'log {str(self._log.path)!r}: a message on {topic} is no event ({error})') from None
+            topic = log.settings['events_topic']
+            raise LogError(f'log {str(log.path)!r}: a message on {topic} is no event ({error})') from None
+        return [event for event in events if kinds is None or event['kind'] in kinds]

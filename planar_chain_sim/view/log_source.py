@@ -15,6 +15,7 @@ from ..chain.quantities import changed_chain, QUANTITIES
 from ..errors import LogError, Mistake
 from ..mechanics.dynamics import energy
 from ..mechanics.loads import Wrench
+from ..recording.events import EVENTS
 from ..recording.seekable_log import SeekableLog
 
 MOST_ROWS = 2000        # of a chart
@@ -22,6 +23,7 @@ SAMPLES = 60            # states of a window too long to be read as a whole, for
 FIRST_LOOK = 5.0        # s for the events that a page is told at once
 SEARCH_TIME = 3.0       # s for the search of the next event
 FIRST_SPAN = 2.0        # s of the log that the search reads first
+SEARCHED = frozenset(EVENTS).difference(REPEATED)   # kinds
 
 
 class LogSource(Source):
@@ -111,8 +113,8 @@ class LogSource(Source):
         begin = end = tick * step
         while begin > log.first_time if not forward else end < log.last_time:
             begin, end = (end, end + span) if forward else (begin - span, begin)
-            found = [event for event in log.events.between(begin, end) if event['kind'] not in REPEATED and (
-                event['tick'] > tick if forward else event['tick'] < tick)]
+            found = [event for event in log.events.between(begin, end, kinds=SEARCHED)
+                     if (event['tick'] > tick if forward else event['tick'] < tick)]
             if found:
                 return found[0 if forward else -1]
             if monotonic() > until:

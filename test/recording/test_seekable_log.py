@@ -95,7 +95,7 @@ def test_every_state_and_event_is_that_of_the_whole_log(kind):
             assert state.position.tobytes() == whole.position[tick].tobytes()
             assert state.velocity.tobytes() == whole.velocity[tick].tobytes()
             assert not tick or state.effort.tobytes() == whole.effort[tick - 1].tobytes()
-        assert log.state_at(-5.0).tick == 0 and log.state_at(1e9).tick == 3000
+        assert [log.state_at(time).tick for time in (-5.0, 1e9, np.nan, np.inf, -np.inf)] == [0, 3000, 0, 3000, 0]
         assert len(log.events) == len(whole.events) > 50 and list(log.events) == whole.events
         check_events(log, whole.events)
 
@@ -108,6 +108,7 @@ def check_events(log, events):
         within = [event for event in events if first <= event['tick'] <= last]
         assert log.events.between(begin, end) == within and log.events.between(begin, end, 3) == within[:3]
         chosen = [event for event in events if kinds is None or event['kind'] in kinds]
+        assert log.events.between(begin, end, kinds=kinds) == [event for event in within if event in chosen]
         assert log.events.next(begin, kinds) == next((event for event in chosen if event['tick'] > first), None)
         assert log.events.previous(begin, kinds) == next((event for event in reversed(chosen)
                                                           if event['tick'] < first), None)
