@@ -17,6 +17,7 @@ HOST, PORT = '127.0.0.1', 8080
 NEEDS = 'view needs aiohttp, which `pip install aiohttp` installs'
 MAGIC = b'\x89MCAP'     # at the beginning of a log
 BESIDE = '--beside'
+NICE = 5
 PARENT_PERIOD = 0.2   # s between two looks whether the simulator is still there
 DESCRIPTION = """\
 Show an arm in the browser, move it with the mouse, and see its motion, energy and events.
@@ -123,6 +124,7 @@ def _live(arguments: Sequence[str], ending: ExitStack, told: Mapping[str, Any]) 
         if 'cannot be loaded' not in str(error):
             raise
         raise Mistake(f'{error}; `view CHAIN` needs no ROS') from None
+    os.nice(NICE)   # the robot's own program goes first
     from .live_source import LiveSource
     from ..ros.declaration import declare, given_values, overrides
     from ..ros.parameters import Row
