@@ -52,8 +52,8 @@ def run(name, viewed, pages, seconds, path):
     node.send_signal(signal.SIGINT)
     node.wait()
     late, dropped = lateness(path)
-    print(f'{name:30}{len(late):8}{dropped:12g}' + ''.join(
-        f'{1e3 * value:{width}.2f}' for value, width in zip((*np.quantile(late, (0.5, 0.99)), late.max()), (18, 10, 10))))
+    times = 1e3 * np.array([*np.quantile(late, (0.5, 0.99)), late.max()])
+    print(f'{name:30}{len(late):8}{dropped:12g}{times[0]:18.2f}{times[1]:10.2f}{times[2]:10.2f}')
 
 
 def look(address, count):
