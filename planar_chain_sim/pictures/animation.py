@@ -10,11 +10,12 @@ from .energies import stretches
 from .figure import new_picture
 from .raster import GIF_EVERY, MP4_EVERY, write_gif, write_mp4
 from .scene import Force, LEAST, Look, SAMPLE, Scene
-from .source import add_trace, ALONE, is_log, load_source, read_trace, SOURCE, Source
+from .source import add_trace, ALONE, is_log, read_trace, SOURCE, Source, source_of_chain, source_of_log
 from .vector import EVERY, write_html, write_svg
 from ..chain.section import clipped
 from ..command_line import add_hold, Parser, print_line, refuse_existing, refuse_hold, run_command
 from ..errors import Mistake
+from ..recording.seekable_log import SeekableLog
 
 # By the ending of the file: rows of positions from frame to frame, and how many frames there may be of one pixel (a GIF
 # is in memory as a whole) or of one body (whose motion is in memory; of the last two, in the file).
@@ -84,20 +85,20 @@ def _motion(options, kind: str) -> tuple[Source, np.ndarray, Look]:
     step = options.speed * SAMPLE
     if is_log(options.source):
         refuse_hold(options)
-        source = load_source(options.source)
-        length = source.time[-1] - source.time[0]
-        if not options.start < length:
-            raise Mistake(f'--from is {options.start:g} s, but the log is {length:g} s long')
-        length -= options.start
-        rows = _rows(min(options.duration or length, length), options, kind, len(source.chain.bodies))
+        with SeekableLog(options.source) as log:
+            length, start = log.last_time - log.first_time, log.first_time + options.start
+            if not options.start < length:
+                raise Mistake(f'--from is {options.start:g} s, but the log is {length:g} s long')
+            length -= options.start
+            rows = _rows(min(options.duration or length, length), options, kind, len(log.chain.bodies))
+            source = source_of_log(log, start, start + rows * step)
     else:
         rows = _rows(options.duration or ALONE, options, kind, 1)
         before = round(min(options.start / step, 1e9))
         if before > MOST_ROWS:
             raise Mistake(f'--from is {options.start:g} s, must be at most {MOST_ROWS * step:g} s at this speed')
-        source = load_source(options.source, options.hold, before + rows, step)
+        source, start = source_of_chain(options.source, options.hold, before + rows, step), options.start
         rows = _rows(rows * step, options, kind, len(source.chain.bodies))
-    start = source.time[0] + options.start
     times = start + step * np.arange(rows + 1)
     position = np.array([np.interp(times, source.time, joint) for joint in source.position.T]).T
     return source, position, Look(options.speed, options.size, options.trail, read_trace(options.trace, source.chain),

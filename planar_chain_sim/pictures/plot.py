@@ -10,10 +10,11 @@ import numpy as np
 
 from .figure import new_picture
 from .panels import draw, WHAT
-from .source import add_trace, ALONE, is_log, load_source, read_trace, SOURCE, Source
+from .source import add_trace, ALONE, is_log, no_motion, read_trace, SOURCE, Source, source_of_chain, source_of_log
 from ..chain.section import clipped, suggestion
 from ..command_line import add_hold, Parser, print_line, refuse_existing, refuse_hold, run_command
 from ..errors import Mistake
+from ..recording.seekable_log import SeekableLog
 
 KINDS = ('.png', '.svg', '.pdf')
 STEP, LONGEST = 1e-3, 1e3    # s: of a chain that is let go
@@ -95,16 +96,19 @@ def _all_there_is(sources: list) -> list:
 def _part(path: str, options) -> Source:
     """Return the part of a source from --from to --to; Mistake, ChainError, LogError."""
     if is_log(path):
-        source = load_source(path)
+        with SeekableLog(path) as log:
+            source = source_of_log(log, *(bound if each is None else each for each, bound in (
+                (options.start, -np.inf), (options.end, np.inf))))
+            held = log.first_time, log.last_time
     else:
         end = ALONE if options.end is None else options.end
         if not STEP <= end <= LONGEST:
             raise Mistake(f'--to is {end:g} s, must be from {STEP:g} to {LONGEST:g} for a chain file')
-        source = load_source(path, options.hold, round(end / STEP), STEP)
+        source = source_of_chain(path, options.hold, round(end / STEP), STEP)
+        held = source.time[0], source.time[-1]
     part = source.part(options.start, options.end)
     if len(part.time) < 2:
-        raise Mistake(f'{clipped(path)!r} has no motion in this time, it holds {source.time[0]:g} to '
-                      f'{source.time[-1]:g} s')
+        raise no_motion(path, *held)
     return part
 
 

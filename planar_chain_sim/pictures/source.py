@@ -2,18 +2,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import takewhile
+from math import inf
 from pathlib import Path
 from typing import Optional
+from warnings import warn
 
 import numpy as np
 
 from ..chain.chain import Chain
-from ..chain.section import clipped, counted, suggestion
+from ..chain.section import clipped, suggestion
 from ..chain_file import load_chain
 from ..command_line import Parser
 from ..errors import Mistake
 from ..motion.rollout import rollout
+from ..recording.events import EVENTS
+from ..recording.seekable_log import SeekableLog
 
+CHANGING = [name for name, kind in EVENTS.items() if kind.apply]
 ALONE = 8.0     # s: of a chain that is not told how long
 SOURCE = 'chain file (YAML, URDF or MJCF), or an MCAP log'
 
@@ -50,18 +56,32 @@ def is_log(path: str) -> bool:
     return path.lower().endswith('.mcap')
 
 
-def load_source(path: str, hold: Optional[list] = None, ticks: int = 0, step: float = 0.0) -> Source:
-    """Return the run in a log, or `ticks` steps of a chain from its initial state with no effort; Mistake."""
-    name = Path(path).name
-    if not is_log(path):
-        chain = load_chain(path, hold)
-        run = rollout(chain, ticks * step, step)
-        return Source(name, chain, step, run.time, run.position, run.velocity, run.effort, [])
-    from ..recording.log import load_log
-    log = load_log(path)
-    if len(log.time) < 2:
-        raise Mistake(f'log {clipped(path)!r} holds {counted(len(log.time), "state")}, must hold two to be drawn')
-    return Source(name, log.chain, log.settings['step'], log.time, log.position, log.velocity, log.effort, log.events)
+def no_motion(path: str, first: float, last: float) -> Mistake:
+    """Return the refusal of a part of a run that is no motion."""
+    return Mistake(f'{clipped(path)!r} has no motion in this time, it holds {first:g} to {last:g} s')
+
+
+def source_of_chain(path: str, hold: Optional[list], ticks: int, step: float) -> Source:
+    """Return `ticks` steps of a chain from its initial state with no effort; Mistake, ChainError."""
+    chain = load_chain(path, hold)
+    run = rollout(chain, ticks * step, step)
+    return Source(Path(path).name, chain, step, run.time, run.position, run.velocity, run.effort, [])
+
+
+def source_of_log(log: SeekableLog, start: float = -inf, end: float = inf) -> Source:
+    """Return the run in a log from a tick before `start` to a tick after `end`, s; Mistake, LogError."""
+    if not log.complete:
+        warn(f'log {str(log.path)!r}: it was not closed properly, only its whole chunks are drawn', RuntimeWarning,
+             stacklevel=2)
+    step = log.settings['step']
+    begin, stop = max(start - step, log.first_time), min(end + step, log.last_time)
+    time, position, velocity, effort = log.states(begin, stop)
+    if len(time) < 2:
+        raise no_motion(str(log.path), log.first_time, log.last_time)
+    # What comes before is needed as far as it changes what comes then.
+    events = [event for event in takewhile(lambda event: event['tick'] * step <= stop + 0.5 * step, log.events)
+              if event['tick'] * step >= begin - 0.5 * step or event['kind'] in CHANGING]
+    return Source(log.path.name, log.chain, step, time, position, velocity, effort, events)
 
 
 def add_trace(parser: Parser) -> None:

@@ -120,6 +120,24 @@ class SeekableLog:
                 break
         return State(found, found * self._step, position.copy(), velocity.copy(), effort.copy())
 
+    def states(self, begin: float, end: float) -> tuple:
+        """
+        Return the ticks from `begin` to `end`, s, as load_log does, a row for each: time, position, velocity, effort.
+
+        Shapes (rows,), (rows, joints) twice and (rows - 1, joints): effort[k] led from row k to the next.
+        """
+        first, last = self.tick_at(begin), self.tick_at(end)
+        ticks, numbers = [np.zeros(0, np.int64)], [np.zeros((0, 3, self.chain.joint_count))]
+        for row in self._rows[max(self._bisect(first, after=False) - 1, 0):self._bisect(last, after=True)]:
+            chunk = self._chunk(row)
+            within = (chunk.tick >= first) & (chunk.tick <= last)
+            ticks.append(chunk.tick[within])
+            numbers.append(chunk.numbers[within])
+        tick, number = np.concatenate(ticks), np.concatenate(numbers)
+        ahead = np.diff(tick) != 0
+        newest, fresh = np.append(ahead, True), np.append(True, ahead)   # of several states of one tick
+        return tick[newest] * self._step, number[newest, 0], number[newest, 1], number[fresh, 2][1:]
+
     def series(self, begin: float, end: float, count: int) -> Series:
         """
         Return at most `count` rows for a chart from `begin` to `end`, s.

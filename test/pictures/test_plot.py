@@ -10,8 +10,9 @@ from planar_chain_sim.pictures import panels, plot
 from planar_chain_sim.pictures.energies import energies, energy_error
 from planar_chain_sim.pictures.figure import pyplot_in_style
 from planar_chain_sim.pictures.panels import kept_rows, thinned
-from planar_chain_sim.pictures.source import load_source, Source
+from planar_chain_sim.pictures.source import Source, source_of_log
 from planar_chain_sim.recording import rollout
+from planar_chain_sim.recording.seekable_log import SeekableLog
 
 EFFORT = [5.0, 10.0, 0.0, 0.0, 0.0]
 
@@ -114,9 +115,14 @@ def test_events_are_marked(drawn):
     assert axes['events'].lines[kinds.index('payload')].get_xdata() == [0.4]
 
 
+def whole(path, *part):
+    with SeekableLog(path) as log:
+        return source_of_log(log, *part)
+
+
 def test_energy_balances_through_all_changes(folder):
     """Wrenches in both kinds of axes, a payload, another gravity; each part against sums of its own."""
-    source = load_source(str(folder / 'changed.mcap'))
+    source = whole(folder / 'changed.mcap')
     time, error = energy_error(source)
     assert np.abs(error).max() < 1e-6 < 1e-3 * np.ptp(energies(source, np.arange(801)))
     assert error[0] == 0.0 and (error == 0.0).sum() >= 3     # at the start, after two changes
@@ -131,9 +137,26 @@ def test_energy_balances_through_all_changes(folder):
 
 
 def test_a_work_that_is_left_out_would_show(folder):
-    source = load_source(str(folder / 'changed.mcap'))
+    source = whole(folder / 'changed.mcap')
     without = Source(**{**vars(source), 'events': [each for each in source.events if each['kind'] != 'wrench']})
     assert np.abs(energy_error(without)[1]).max() > 1e-2
+
+
+@pytest.mark.parametrize('name', ['other', 'changed'])
+def test_a_part_of_a_log_is_read_as_the_whole(name, folder):
+    """The same rows, and the events that change them, also those before; of the others those in that time."""
+    log, every = pcs.load_log(folder / f'{name}.mcap'), whole(folder / f'{name}.mcap')
+    for quantity in ('time', 'position', 'velocity', 'effort'):
+        np.testing.assert_array_equal(getattr(every, quantity), getattr(log, quantity))
+    assert every.events == log.events
+    part = whole(folder / f'{name}.mcap', 0.25, 0.45)
+    for quantity in ('time', 'position', 'velocity'):
+        np.testing.assert_array_equal(getattr(part, quantity), getattr(log, quantity)[249:452])
+    np.testing.assert_array_equal(part.effort, log.effort[249:451])
+    assert part.events == [event for event in log.events if event['tick'] <= 451 and (
+        event['tick'] >= 249 or event['kind'] != 'command')]
+    rows = np.arange(len(part.time))
+    np.testing.assert_allclose(energies(part, rows), energies(every, rows + 249), rtol=1e-12)
 
 
 def test_a_long_log_is_thinned_and_keeps_its_extremes(tmp_path):
