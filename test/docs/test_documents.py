@@ -23,7 +23,7 @@ import planar_chain_sim as pcs
 from planar_chain_sim.chain import checks
 from planar_chain_sim.executables import MODULES
 
-PATIENCE = 60.0    # s
+PATIENCE = 300.0    # s
 NOT_RUN = {        # what cannot be run here, and how many blocks
     'needs ROS 2 from apt': 6,
     'needs PlotJuggler': 1,

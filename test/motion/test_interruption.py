@@ -4,7 +4,7 @@ import signal
 import subprocess
 import sys
 import threading
-from time import sleep
+from time import monotonic
 
 import numpy as np
 from oracles.border_fuzz import FRICTION
@@ -225,9 +225,14 @@ def test_a_signal_reaches_a_thread_that_waits_for_another_ones_call():
             simulation.advance(10**10)
     thread = threading.Thread(target=work)
     thread.start()
-    sleep(0.05)
-    with rings(0.05), pytest.raises(Rung):
-        simulation.position
+    end, rung = monotonic() + PATIENCE, False
+    while not rung:   # until the other call has begun, none is waited for
+        assert monotonic() < end
+        try:
+            with rings(0.05):
+                simulation.position
+        except Rung:
+            rung = True
     simulation.interrupt()
     thread.join(PATIENCE)
     assert not thread.is_alive() and simulation.tick > 0

@@ -52,7 +52,7 @@ def folder(tmp_path_factory):
 
 def command(name, *arguments, **options):
     return subprocess.run([sys.executable, '-m', f'planar_chain_sim.{MODULES[name]}', *map(str, arguments)],
-                          capture_output=True, text=True, timeout=120, **options)
+                          capture_output=True, text=True, timeout=600, **options)
 
 
 def is_one_sentence(name, said):
@@ -323,7 +323,7 @@ def test_standard_streams_that_are_closed_are_as_if_nobody_reads(closed, tmp_pat
                              *((name, '--help') for name in MODULES if closed.count('&-') == 3)):
         shell = f'"$@" {closed}; echo $? > {tmp_path}/code'
         done = subprocess.run(['bash', '-c', shell, 'bash', sys.executable, '-m', f'planar_chain_sim.{MODULES[name]}',
-                               *map(str, arguments)], capture_output=True, text=True, timeout=120)
+                               *map(str, arguments)], capture_output=True, text=True, timeout=600)
         assert (tmp_path / 'code').read_text() == '0\n' and done.stderr == '', (name, done.stderr)
     assert sum(message.topic == '/joint_states' for message in read_log(log).messages) == 101
 
@@ -336,7 +336,7 @@ def test_a_note_that_cannot_be_written_does_not_end_the_run(tmp_path):
                      '</joint></robot>')
     with open('/dev/full', 'w') as full:
         code = subprocess.run([sys.executable, '-m', 'planar_chain_sim.recording.rollout', robot, '--duration', '0.1',
-                               '--output', log], stdout=subprocess.DEVNULL, stderr=full, timeout=120).returncode
+                               '--output', log], stdout=subprocess.DEVNULL, stderr=full, timeout=600).returncode
     assert code == 0 and read_log(log).complete
 
 
@@ -352,7 +352,7 @@ def test_a_stop_signal_in_the_midst_of_the_imports_is_one_line(name, number, tmp
         if 'numpy' in line:
             break
     process.send_signal(number)
-    out, err = process.communicate(timeout=60)
+    out, err = process.communicate(timeout=600)
     said = [line for line in err.splitlines() if not line.startswith('import time:')]
     assert process.returncode == 128 + number and out == '' and said == [f'{name}: interrupted']
 

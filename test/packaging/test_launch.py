@@ -18,7 +18,7 @@ def test_these_are_all():
 @pytest.mark.parametrize('name', NAMES)
 def test_a_launch_file_describes_what_to_start_or_says_what_it_needs(name):
     path = FOLDER / f'{name}.launch.py'
-    done = subprocess.run([sys.executable, path], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, path], capture_output=True, text=True, timeout=600)
     if find_spec('launch_ros') is None:
         assert done.returncode == 2 and done.stderr.count('\n') == 1, done.stderr
         assert done.stderr.startswith(f'{path.name}: needs launch and launch_ros') and ', must' in done.stderr

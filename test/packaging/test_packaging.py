@@ -96,7 +96,7 @@ def workspace(request, workspaces):
 def run_installed(workspace, *command):
     """Run a command in a shell that has sourced the workspace, away from all sources."""
     return subprocess.run(['bash', '-c', '. "$0/install/setup.bash" && exec "$@"', workspace, *command],
-                          cwd=workspace.parent, capture_output=True, text=True, timeout=60)
+                          cwd=workspace.parent, capture_output=True, text=True, timeout=600)
 
 
 @pytest.mark.slow
@@ -151,7 +151,7 @@ def test_colcon_test_tests_what_is_installed(workspaces):
     run = colcon(workspace, 'test', '--event-handlers', 'console_direct+',
                  '--return-code-on-test-failure', '--pytest-args', 'test/packaging/test_packaging.py',
                  '-k', 'test_the_kernel_loads_from_its_own_package')
-    output, _ = run.communicate(timeout=120)
+    output, _ = run.communicate(timeout=600)
     assert run.returncode == 0 and '1 passed' in output, output
 
 

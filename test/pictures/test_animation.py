@@ -235,7 +235,7 @@ def test_a_picture_can_be_interrupted(tmp_path):
         assert process.poll() is None, process.stderr.read()
         sleep(0.02)
     process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=60)
+    out, err = process.communicate(timeout=600)
     assert (process.returncode, out, err) == (130, '', 'animate: interrupted\n')
     assert not list(tmp_path.iterdir())
 

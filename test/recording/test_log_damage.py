@@ -18,6 +18,7 @@ import zstandard
 
 from planar_chain_sim.recording.log_reader import read_log
 from planar_chain_sim.recording.log_writer import LogError, LogWriter
+from planar_chain_sim.recording.mcap_file import CHUNK_SIZE
 
 
 @pytest.fixture(scope='module')
@@ -207,7 +208,7 @@ def run_python(code, *arguments, **options):
                             stdout=subprocess.PIPE, text=True, **options)
 
 
-def test_kill_9_loses_no_more_than_a_flush_period(tmp_path):
+def test_kill_9_loses_nothing_that_was_flushed(tmp_path):
     # 200 small messages a second: without a flush in time nothing would be on the disk yet.
     process = run_python("""
 import sys, time
@@ -222,15 +223,17 @@ for index in range(10 ** 6):
 """, tmp_path / 'run.mcap')
     with process:
         assert process.stdout.readline() == 'ready\n'
-        time.sleep(1.5)
-        killed = time.time_ns()
+        flushed, deadline = set(), time.monotonic() + 300.0
+        while len(flushed) < 4:   # none yet, then three flushes
+            assert time.monotonic() < deadline, flushed
+            time.sleep(0.02)
+            flushed.add(len(list(read_log(tmp_path / 'run.mcap').messages)))
         process.send_signal(signal.SIGKILL)
+    assert (tmp_path / 'run.mcap').stat().st_size < CHUNK_SIZE, 'no chunk was full'
     log = read_log(tmp_path / 'run.mcap')
     messages = list(log.messages)
     assert (log.complete, log.chain_text, log.settings) == (False, 'name: x', {'format': '1'})
-    assert [message.sequence for message in messages] == list(range(len(messages)))
-    # 0.2 s and, on a busy machine, the time for which the log's thread or the killer did not run.
-    assert (killed - messages[-1].log_time) * 1e-9 < 0.2 + 0.5
+    assert [message.sequence for message in messages] == list(range(len(messages))) and len(messages) >= max(flushed)
 
 
 def test_full_disk(tmp_path):
@@ -264,7 +267,7 @@ try:
 except LogError as error:
     print(error)
 """, *(tmp_path / name for name in 'abc'), stderr=subprocess.PIPE)
-    output, errors = process.communicate(timeout=60)
+    output, errors = process.communicate(timeout=600)
     assert (process.returncode, errors) == (0, '')
     sentences = [f"log '{tmp_path / name}': writing stopped, File too large" for name in 'abbc']
     assert output.splitlines() == sentences[:2] + ['0'] + sentences[2:]

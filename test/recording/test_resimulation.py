@@ -231,7 +231,7 @@ raise SystemExit(main([]))
 
 def test_without_ros_everything_but_the_node_works(tmp_path):
     done = subprocess.run([sys.executable, '-c', WITHOUT_ROS, str(tmp_path / 'run.mcap')],
-                          capture_output=True, text=True, timeout=60)
+                          capture_output=True, text=True, timeout=600)
     assert done.returncode == 2, done.stderr
     assert 'equal: 501 states' in done.stdout
     assert done.stderr.count('\n') == 1 and done.stderr.startswith('simulator: ') and 'ROS 2' in done.stderr

@@ -144,12 +144,12 @@ def test_quaternions_of_every_turn():
 
 def test_urdf_reports_what_it_leaves_out(tmp_path):
     command = [sys.executable, '-m', 'planar_chain_sim.urdf_file']
-    done = subprocess.run([*command, 'cart_arm_telescope.yaml'], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([*command, 'cart_arm_telescope.yaml'], capture_output=True, text=True, timeout=600)
     assert done.returncode == 0 and done.stderr == (
         'urdf: note: not in the URDF: springs of cart_slide, telescope_slide, gripper_slide, gripper_joint\n')
     (tmp_path / 'moon.yaml').write_text('gravity: [0, -1.62]\nbodies: [{name: a, carrier: base, mass: 1, inertia: 1, '
                                         'rotation: {joint: j, armature: 0.1}}]')
-    done = subprocess.run([*command, tmp_path / 'moon.yaml'], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([*command, tmp_path / 'moon.yaml'], capture_output=True, text=True, timeout=600)
     assert done.stderr == ('urdf: note: not in the URDF: rotors of j; gravity [0, -1.62] m/s^2, readers take '
                            '[0, -9.81]\n')
 

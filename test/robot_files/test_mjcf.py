@@ -469,7 +469,7 @@ def test_every_executable_takes_an_mjcf_file(tmp_path, capsys):
     (tmp_path / 'robot.xml').write_text(CARTPOLE)
     log = tmp_path / 'run.mcap'
     command = [sys.executable, '-m', 'planar_chain_sim.recording.rollout', tmp_path / 'robot.xml', '--output', log]
-    done = subprocess.run([*command, '--duration', '0.1'], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([*command, '--duration', '0.1'], capture_output=True, text=True, timeout=600)
     assert done.returncode == 0 and 'robot.xml: joints ' in done.stderr
     assert resimulation.main([str(log)]) == 0, capsys.readouterr()
 

@@ -26,7 +26,7 @@ def address():
 def get(address, path='', host=None, **headers):
     """Return status and text of a GET, whose Host is `host` where one is given."""
     parts = urlsplit(address)
-    connection = http.client.HTTPConnection(parts.hostname, parts.port, timeout=60)
+    connection = http.client.HTTPConnection(parts.hostname, parts.port, timeout=600)
     connection.putrequest('GET', parts.path + path, skip_host=True)
     for name, value in {'Host': host or parts.netloc, **headers}.items():
         connection.putheader(name, value)
@@ -38,7 +38,7 @@ def get(address, path='', host=None, **headers):
 
 
 def test_the_page_comes_with_a_policy_that_locks_it_in(address):
-    connection = http.client.HTTPConnection(urlsplit(address).netloc, timeout=60)
+    connection = http.client.HTTPConnection(urlsplit(address).netloc, timeout=600)
     connection.request('GET', '/')
     answer = connection.getresponse()
     policy = answer.headers['Content-Security-Policy']
