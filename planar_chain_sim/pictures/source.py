@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import takewhile
 from math import inf
 from pathlib import Path
 from typing import Optional
@@ -78,9 +77,8 @@ def source_of_log(log: SeekableLog, start: float = -inf, end: float = inf) -> So
     time, position, velocity, effort = log.states(begin, stop)
     if len(time) < 2:
         raise no_motion(str(log.path), log.first_time, log.last_time)
-    # What comes before is needed as far as it changes what comes then.
-    events = [event for event in takewhile(lambda event: event['tick'] * step <= stop + 0.5 * step, log.events)
-              if event['tick'] * step >= begin - 0.5 * step or event['kind'] in CHANGING]
+    before = log.events.between(log.first_time, begin, kinds=CHANGING) if begin > log.first_time else []
+    events = [event for event in before if event['tick'] < log.tick_at(begin)] + log.events.between(begin, stop)
     return Source(log.path.name, log.chain, step, time, position, velocity, effort, events)
 
 
