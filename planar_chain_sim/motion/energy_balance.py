@@ -35,7 +35,7 @@ class EnergyBalance:
 
     def restart(self, chain: Chain, position, velocity) -> None:
         """Start again from a state (joints,), after the chain or the state was changed from outside."""
-        self._chain = chain
+        self._chain, self._indices = chain, {body.name: index for index, body in enumerate(chain.bodies)}
         for rows in self._forces.values():
             for values in rows:
                 values[:] = values[len(self._rows)]   # as they act from now on
@@ -53,7 +53,7 @@ class EnergyBalance:
 
         `axes`: of the 'body' or of the 'world'.
         """
-        index = [each.name for each in self._chain.bodies].index(body)
+        index = self._indices[body]
         forces, moments, turns = self._forces.setdefault(
             index, (np.zeros(ROWS, complex), np.zeros(ROWS), np.zeros(ROWS)))
         done = len(self._rows)
