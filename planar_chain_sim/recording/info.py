@@ -12,6 +12,7 @@ import numpy as np
 from .events import EVENTS, KIND
 from .log_index import LogIndex, read_index
 from .mcap_records import content_of, open_mcap
+from .message_types import INPUT_TYPES
 from .run_settings import simulation_of
 from .seekable_log import SeekableLog
 from ..chain.section import clipped, counted
@@ -56,8 +57,8 @@ def log_info(path: Any) -> Iterator[tuple[str, str]]:
     yield 'method', f'{simulation.method}{tolerance}, form {simulation.form_asked}'
     yield 'joints', f'{simulation.chain.joint_count}: {clipped(", ".join(simulation.chain.joint_names), 200)}'
     own = settings['state_topic'], settings['events_topic']
-    yield 'received', _list({topic: int(index.count_of(topic).sum())
-                             for topic in sorted({topic for topic, _ in index.channels.values()}.difference(own))})
+    yield 'received', _list({topic: int(index.count_of(topic).sum()) for topic, type_name in sorted(
+        set(index.channels.values())) if type_name in INPUT_TYPES and topic not in own})
     kinds, seconds, share = _kinds(index)
     about = '' if share == 1.0 else 'about '
     changes = {kind: count for kind, count in kinds.items() if kind in EVENTS and EVENTS[kind].changes_run}

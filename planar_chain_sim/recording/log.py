@@ -14,14 +14,13 @@ import numpy as np
 from .cdr import CdrError
 from .events import decode_event
 from .log_reader import LogFile, read_log
-from .message_types import MESSAGE_TYPES
+from .message_types import INPUT_TYPES, MESSAGE_TYPES
 from .run_settings import readable_settings, simulation_of
 from .states import message_heads, StateDecoder
 from ..chain.chain import Chain
 from ..chain.section import counted
 from ..errors import LogError
 
-_COMMANDS = [name for name, row in MESSAGE_TYPES.items() if row.decode]
 _EVENT_HEAD = 8   # bytes of CDR before the text of a std_msgs/msg/String
 
 
@@ -138,7 +137,7 @@ def _load(file: LogFile) -> Log:
             mine = heads['channel'] == number
             if topic == topics['state_topic']:
                 states.add(content, start[mine], end[mine], heads['sequence'][mine])
-            elif topic == topics['events_topic'] or type_name in _COMMANDS:
+            elif topic == topics['events_topic'] or type_name in INPUT_TYPES:
                 data = [content[first:last] for first, last in zip(start[mine].tolist(), end[mine].tolist())]
                 messages = _Messages(topic, type_name, heads['log_time'][mine], np.cumsum((end - start)[mine]),
                                      b''.join(data))

@@ -80,3 +80,5 @@ MESSAGE_TYPES = {
         _with_parts('builtin_interfaces/Time clock\n', _TIME),
         'RIHS01_692f7a66e93a3c83e71765d033b60349ba68023a8c689a79e48078bcb5c58564'),
 }
+# Those that the node receives; a log of it has their messages as they came.
+INPUT_TYPES = frozenset(name for name, row in MESSAGE_TYPES.items() if row.decode)

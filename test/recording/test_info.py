@@ -66,7 +66,7 @@ def test_ten_lines_on_a_live_log(live, capsys, monkeypatch):
 
 
 def test_logs_without_ros_and_cut_logs(tmp_path, live, capsys):
-    with pcs.OfflineLog(tmp_path / 'run.mcap', pcs.Simulation(PENDULUM)) as log:
+    with pcs.OfflineLog(tmp_path / 'run.mcap', pcs.Simulation(PENDULUM), record_tf=True) as log:   # nothing received
         log.advance(100, [1.0, 0.0])
         log.change('reset')
     said = lines(tmp_path / 'run.mcap', capsys)
