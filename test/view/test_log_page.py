@@ -120,8 +120,9 @@ def test_play_pause_end_and_loop(screen):
 def test_the_charts_have_the_rows_of_the_log(screen, logs):
     screen('view.timeline.seek(1.2)')
     rows = until(lambda: screen("""
-        const table = view.charts.fixed[1], {columns} = table;
-        return table && view.arms[0].tick === 1200 && [columns, [...table.time], [...table.low], [...table.high]];"""))
+        const table = view.charts.fixed?.[1];
+        return table && view.arms[0].tick === 1200 &&
+          [table.columns, [...table.time], [...table.low], [...table.high]];"""))
     run = pcs.load_log(logs[1])
     columns, time, low, high = rows
     low, high = (np.reshape(side, (len(time), columns)) for side in (low, high))

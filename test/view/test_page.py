@@ -50,8 +50,9 @@ return ['header', '#stage', '#run', '#joints', '#charts', '#settings', '#events'
 """
 NAMELESS = """
 return [...document.querySelectorAll('button, select, input, canvas, dialog')].filter((each) =>
-  !each.closest('[aria-hidden=true]') && !each.labels?.length && !each.ariaLabel && !each.textContent.trim() &&
-  !each.getAttribute('aria-labelledby')).map((each) => each.outerHTML);
+  !each.closest('[aria-hidden=true]') && !each.labels?.length && !each.ariaLabel &&
+  !(each.matches('button') && each.textContent.trim()) && !each.getAttribute('aria-labelledby'))
+  .map((each) => each.outerHTML);
 """
 COLORS = """
 const style = getComputedStyle(document.documentElement);

@@ -109,7 +109,7 @@ export class Controls {
       this.send('set', {name, value: write(Number(slider.value), this.status.values[name])});
     };
     row.append(title, slider, output);
-    this.values.set(name, {slider, output, read});
+    this.values.set(name, {row, slider, output, read});
     return row;
   }
 
@@ -130,8 +130,10 @@ export class Controls {
       each.title = !can ? WHY[this.source] : wait ? 'one step can be made while paused' : each.dataset.title;
     }
     if (!status.can.includes('effort')) this.held.clear();
-    for (const [name, {slider, output, read}] of this.values) {
+    for (const [name, {row, slider, output, read}] of this.values) {
       const known = status.values[name];
+      row.classList.toggle('unknown', known === undefined);
+      row.title = known === undefined ? slider.title : '';
       if (known === undefined) output.textContent = '–';
       if (known === undefined || document.activeElement === slider && slider.matches(':active')) continue;
       const value = read(known);

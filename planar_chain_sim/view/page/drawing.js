@@ -75,10 +75,10 @@ export class Drawing {
       this.width = (k ? 0.7 : 1) * (this.many ? 0.7 : 1) * Math.min(9, Math.max(3, 0.03 * this.reach * camera.scale));
       this.joints(scene[k], arms[k], k);
       this.bodies(scene[k], arms[k], k);
-      this.wrenches(scene[k], arms[k]);
+      this.wrenches(arms[k], k);
     }
     pen.globalAlpha = 1;
-    if (this.names || this.hover !== null) this.labels(scene[0], arms[0]);
+    if (this.names || this.hover !== null && !this.pull) this.labels(scene[0], arms[0]);
     if (this.pull) this.drawPull(arms[0]);
   }
 
@@ -286,7 +286,7 @@ export class Drawing {
   }
 
   // Forces as arrows whose length grows with the logarithm, moments as arcs.
-  wrenches(arm, state) {
+  wrenches(state, index) {
     const {pen, camera} = this;
     state.bodies.forEach((body, k) => {
       const size = Math.hypot(body.fx, body.fy), [px, py] = camera.toPixel(body.x, body.y);
@@ -298,7 +298,7 @@ export class Drawing {
         const [tx, ty] = [px + long * ux, py + long * uy];
         stroke(pen, [px, py], [tx, ty]);
         arrowHead(pen, tx, ty, ux, uy);
-        this.text(`${short(size)} N`, tx + 16 * ux, ty + 16 * uy + 4, colors.fault, 'center');
+        if (!index) this.text(`${short(size)} N`, tx + 16 * ux, ty + 16 * uy + 4, colors.fault, 'center');
       }
       if (Math.abs(body.moment) > 0) {
         const way = Math.sign(body.moment), radius = 16 + this.width, end = -way * 1.5 * Math.PI;
@@ -306,7 +306,7 @@ export class Drawing {
         pen.arc(px, py, radius, 0, end, way > 0);
         pen.stroke();
         arrowHead(pen, px + radius * Math.cos(end), py + radius * Math.sin(end), way * Math.sin(end), -way * Math.cos(end));
-        this.text(`${short(body.moment)} N m`, px, py - radius - 8, colors.fault, 'center');
+        if (!index) this.text(`${short(body.moment)} N m`, px, py - radius - 8, colors.fault, 'center');
       }
     });
   }
