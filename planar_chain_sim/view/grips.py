@@ -14,17 +14,22 @@ from ..mechanics.dynamics import mass_matrix
 PATIENCE = 0.5       # s after which a page that says nothing has let go
 FREQUENCY = 12.0     # rad/s of the lightest mass that a pull can meet, on its spring
 DAMPING = 0.7        # of that, relative to the critical one
-FARTHEST = 3.0       # m; a spring that is stretched farther pulls no harder
+STRONGEST = 20.0     # N per kg of the whole arm: twice its weight
 
 
 class Pull(NamedTuple):
-    """A spring between a point of a body, in its frame, and a point of the plane, m; its stiffness N/m."""
+    """
+    A spring between a point of a body, in its frame, and a point of the plane, m.
+
+    stiffness N/m, damping N s/m; `most`: the greatest force of the spring, N.
+    """
 
     body: str
     point: complex
     to: complex
     stiffness: float
     damping: float
+    most: float
 
     def load(self, chain: Chain, position: np.ndarray, velocity: np.ndarray) -> tuple[complex, float, float]:
         """Return force, in the plane's axes, N, moment about the body's joint point, N m, and the body's angle, rad."""
@@ -34,9 +39,8 @@ class Pull(NamedTuple):
         arm = self.point * np.exp(1j * angle)
         place = complex(*poses.point[index]) + arm
         rate = complex(*rates.point[index]) + 1j * float(rates.angle[index]) * arm
-        stretch = self.to - place
-        stretch *= min(1.0, FARTHEST / max(abs(stretch), 1e-300))
-        force = self.stiffness * stretch - self.damping * rate
+        spring = self.stiffness * (self.to - place)
+        force = spring * min(1.0, self.most / max(abs(spring), 1e-300)) - self.damping * rate
         return force, (arm.conjugate() * force).imag, angle
 
 
@@ -51,7 +55,8 @@ def make_pull(chain: Chain, position: np.ndarray, body: str, point: complex, to:
     if not ease > 0.0:
         raise Mistake(f'body {body!r} cannot be pulled, it is welded to the base')
     mass = 1.0 / ease
-    return Pull(body, point, to, mass * FREQUENCY**2, 2.0 * DAMPING * mass * FREQUENCY)
+    return Pull(body, point, to, mass * FREQUENCY**2, 2.0 * DAMPING * mass * FREQUENCY,
+                STRONGEST * sum(each.mass for each in chain.bodies))
 
 
 class Grips:

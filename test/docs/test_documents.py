@@ -27,6 +27,7 @@ PATIENCE = 300.0    # s
 NOT_RUN = {        # what cannot be run here, and how many blocks
     'needs ROS 2 from apt': 6,
     'needs PlotJuggler': 1,
+    'takes some minutes': 1,
     'the test runs in the environment that these two make': 1,
     'takes more than a minute, and needs the extra [benchmark]': 1,
     'these build an environment, run the tests themselves, or take long': 1,
@@ -34,7 +35,7 @@ NOT_RUN = {        # what cannot be run here, and how many blocks
 }
 # What runs until Ctrl-C, and the line by which it is known to run; None: known by efforts of the arm.
 ENDLESS = {'simulator': 'running', 'example_controller': 'largest error', 'replay': 'replaying',
-           'python controller.py': None}
+           'view': 'the arm is at', 'python controller.py': None}
 EXECUTABLES = {**dict(re.findall(r"f'(\w+) = \{NAME\}\.([\w.]+):main'", (ROOT / 'setup.py').read_text())), **MODULES}
 
 
