@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 from collections import deque
-from math import inf, isfinite
 from pathlib import Path
 from threading import Event
 from time import monotonic
@@ -72,7 +71,8 @@ class ChainSource(Source):
         if do == 'effort':
             self._grips.hold(page, chain, action['joint'], action['value'])
         elif do == 'pull':
-            self._grips.pull(page, chain, self._simulation.position, action['body'], action['point'], action['to'])
+            if self._states:
+                self._grips.pull(page, chain, self._states[0].position, action['body'], action['point'], action['to'])
         elif do == 'release':
             self._grips.release(page)
         elif do == 'set':
@@ -121,16 +121,20 @@ class ChainSource(Source):
         before = self._simulation.time, begun
         while not self._stopping:
             while self._requests:
-                self._requests.popleft()()
+                try:
+                    self._requests.popleft()()
+                except ValueError as error:   # the simulation refuses it
+                    self.complaints.say(str(error))
             now = monotonic()
             if now - looked >= LOOK_PERIOD:
                 looked = now
                 self._follow_file()
             moved = self._simulation.time - before[0]
             if now - before[1] >= 0.5:
-                self._measured, before = moved / (now - before[1]), (self._simulation.time, now)
+                self._measured, before = max(moved, 0.0) / (now - before[1]), (self._simulation.time, now)
             if not self._paused and not self._end:
                 self._catch_up(monotonic())
+            self._pull()
             self._publish()
             self._wake.wait(PERIOD)
             self._wake.clear()
@@ -163,13 +167,7 @@ class ChainSource(Source):
         for joint, value in held.items():
             if joint in simulation.chain.joint_names:
                 effort[simulation.chain.joint_names.index(joint)] = value
-        pulled = {pull.body: pull for pull in self._grips.pulls() if pull.body in simulation.chain.body_index}
-        for body in {*simulation.wrenches, *pulled}:
-            if body in pulled:
-                force, moment, _ = pulled[body].load(simulation.chain, simulation.position, simulation.velocity)
-                simulation.set_wrench(body, (force.real, force.imag), moment, 'world')
-            else:
-                simulation.set_wrench(body)
+        self._pull()
         try:
             simulation.advance(ticks, effort)
         except Interrupted:   # by close()
@@ -182,6 +180,17 @@ class ChainSource(Source):
         for event in simulation.take_events():
             self.events.say({'tick': event.tick, 'kind': event.kind,
                              'data': {'joint': event.joint, 'time': event.time, 'speed': event.speed}})
+
+    def _pull(self) -> None:
+        """Apply the pulls that pages hold, and remove those that they have let go."""
+        simulation = self._simulation
+        pulled = {pull.body: pull for pull in self._grips.pulls() if pull.body in simulation.chain.body_index}
+        for body in {*simulation.wrenches, *pulled}:
+            if body in pulled:
+                force, moment, _ = pulled[body].load(simulation.chain, simulation.position, simulation.velocity)
+                simulation.set_wrench(body, (force.real, force.imag), moment, 'world')
+            else:
+                simulation.set_wrench(body)
 
     def _publish(self) -> None:
         simulation = self._simulation
@@ -230,10 +239,13 @@ class ChainSource(Source):
     def _set_payload(self, mass: float) -> None:
         simulation = self._simulation
         body = simulation.own_chain.bodies[-1].name
-        if simulation.payloads:
-            simulation.drop()
+        for payload in simulation.payloads:
+            simulation.drop(payload)
         if mass:
-            simulation.attach(body, mass)
+            name, taken = 'payload', simulation.chain.body_index
+            while name in taken:
+                name += '_'
+            simulation.attach(body, mass, name=name)
         self._event('payload', body=body, mass=mass)
         self._show()
 
@@ -267,18 +279,16 @@ class ChainSource(Source):
     def _take(self, chain: Chain) -> None:
         """Go on with another chain; from its initial state where that, or the joints, are others."""
         before, self._loaded = self._loaded, chain
-        start, then = initial_state(chain), initial_state(before)
-        same = chain.joint_names == before.joint_names and all(map(np.array_equal, start, then))
-        simulation = Simulation(chain, step=STEP)
-        if same and not self._end:
-            try:
-                simulation.set_state(self._simulation.position, self._simulation.velocity)
-            except ValueError:   # beyond a stop that is new
-                pass
+        simulation = self._simulation
         self._grips.clear()
-        self._simulation, self._end = simulation, ''
-        self._anchor()
-        self._event('reset' if not same else 'parameter', file=Path(self._path).name)
+        if not self._end and _goes_on(before, chain, simulation.position):
+            for payload in simulation.payloads:
+                simulation.drop(payload)
+            simulation.replace_chain(chain)
+        else:
+            self._simulation, self._end = Simulation(chain, step=STEP), ''
+            self._anchor()
+        self._event('reload', file=Path(self._path).name)
         self._show()
 
     def _show(self) -> None:
@@ -301,8 +311,15 @@ class ChainSource(Source):
                        'real_time_factor': self._factor, 'payload_mass': payload}}
 
 
+def _goes_on(before: Chain, chain: Chain, position: np.ndarray) -> bool:
+    """Tell whether a motion can go on at this position with another chain, and has begun as that would."""
+    return (chain.joint_names, len(chain.bodies)) == (before.joint_names, len(before.bodies)) and all(
+        map(np.array_equal, initial_state(chain), initial_state(before))) and all(
+        joint.lower <= place <= joint.upper for joint, place in zip(chain.joints, position))
+
+
 def _floats(value: Any) -> list:
     """Return a list of numbers; Mistake: it is none."""
-    if not isinstance(value, list) or not all(isinstance(each, float) and isfinite(each) for each in value):
+    if not isinstance(value, list):
         raise Mistake(f'the value is {value!r:.80}, must be a list of numbers')
-    return [inf if each is None else each for each in value]
+    return value

@@ -51,9 +51,14 @@ def make_pull(chain: Chain, position: np.ndarray, body: str, point: complex, to:
     Mistake: the point cannot move.
     """
     moves = jacobian(chain, position, body, (point.real, point.imag))[:2]
-    ease = float(np.linalg.eigvalsh(moves @ np.linalg.solve(mass_matrix(chain, position), moves.T))[-1])
-    if not ease > 0.0:
+    if not moves.any():
         raise Mistake(f'body {body!r} cannot be pulled, it is welded to the base')
+    try:
+        ease = float(np.linalg.eigvalsh(moves @ np.linalg.solve(mass_matrix(chain, position), moves.T))[-1])
+    except np.linalg.LinAlgError:
+        ease = np.inf
+    if not 0.0 < ease < np.inf:
+        raise Mistake(f'body {body!r} cannot be pulled here, the configuration is singular')
     mass = 1.0 / ease
     return Pull(body, point, to, mass * FREQUENCY**2, 2.0 * DAMPING * mass * FREQUENCY,
                 STRONGEST * sum(each.mass for each in chain.bodies))

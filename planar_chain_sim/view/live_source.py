@@ -20,7 +20,6 @@ from ..mechanics.body_poses import body_poses
 from ..mechanics.loads import with_payload, Wrench
 
 PERIOD, HOLDING_PERIOD = 0.02, 0.01   # s between two turns, and while a page holds something
-SHARED = 0.008  # s for which all pages get the same state
 STALE = 2.5     # s without a state after which the page says so; a paused node sends one a second
 SETTINGS = ('gravity', 'damping', 'real_time_factor', 'payload_mass')
 CONTROLS = ('pause', 'step', 'reset', 'effort', 'pull', *SETTINGS)
@@ -55,7 +54,6 @@ class LiveSource(Source):
         self._begin: Optional[int] = None        # stamp of the first state, ns
         self._last: Optional[tuple] = None
         self._state: Optional[State] = None
-        self._read = 0.0                         # when
         self._held: dict[str, float] = {}
         self._pulled: set = set()
         self._abilities: frozenset = frozenset()
@@ -67,12 +65,9 @@ class LiveSource(Source):
 
     def states(self) -> Optional[Sequence[State]]:
         """Return the newest state, read now."""
-        chain, now = self._chain, monotonic()
+        chain = self._chain
         if chain is None:
             return None
-        if self._state is not None and now - self._read < SHARED and self._last and self._last[1] is chain:
-            return [self._state]
-        self._read = now
         found = self._robot.states(chain.joint_names)
         if found is None:
             return None

@@ -14,7 +14,7 @@ from typing import Any, Mapping, Optional
 
 from aiohttp import web, WSMsgType
 
-from .source import KEPT, Source
+from .source import KEPT, SHARE, SHORTEST, Source
 from ..errors import Mistake
 
 PAGE = Path(__file__).with_name('page')
@@ -22,8 +22,6 @@ TYPES = {'.html': 'text/html', '.js': 'text/javascript', '.css': 'text/css', '.s
 LOOPBACK = ('127.0.0.1', 'localhost', '::1')
 MOST_PAGES = 64
 LONGEST = 4096          # bytes that a page may send at once
-SHORTEST = 0.008        # s between two frames of a page
-SHARE = 4               # a frame that took long to make is made again after so many times as long
 QUIET = 30.0            # s between two signs of life
 LAST_WORDS = 1.0        # s that a page has to say good-bye
 ACTIONS: Mapping[str, Mapping[str, str]] = {

@@ -3,11 +3,14 @@ from __future__ import annotations
 
 from collections import deque
 from threading import Thread
+from time import monotonic
 from typing import Any, Callable, Mapping, NamedTuple, Optional, Sequence
 
 from .scene import frame, Scene, State
 from ..errors import Mistake
 
+SHORTEST = 0.008   # s between two frames
+SHARE = 4          # a frame that took long to make is made again after so many times as long
 KEPT = 2000   # events, for pages that come or look later
 REPEATED = ('command', 'wrench')   # kinds that may come at every tick: of those in a row the last is kept
 
@@ -18,6 +21,14 @@ class Shown(NamedTuple):
     revision: int
     scenes: tuple[Scene, ...]
     described: list
+
+
+class Drawn(NamedTuple):
+    """A frame that all pages get that ask for one by then, by monotonic()."""
+
+    shown: Shown
+    frame: bytes
+    until: float
 
 
 class Source:
@@ -36,7 +47,7 @@ class Source:
         self.status: Mapping[str, Any] = {}
         self.events = Kept()
         self.complaints = Kept()   # sentences: what could not be done
-        self._drawn: Optional[tuple] = None
+        self._drawn: Optional[Drawn] = None
         self._thread: Optional[Thread] = None
         self._stopping = False
 
@@ -82,15 +93,17 @@ class Source:
 
     async def frame(self, request: Mapping[str, Any]) -> Optional[bytes]:
         """Return the frame that a page asks for; None if there is nothing to be drawn. Mistake: a bad request."""
-        shown, states = self.shown, self.states()
+        begun, shown, drawn = monotonic(), self.shown, self._drawn
+        if drawn is not None and drawn.shown is shown and begun < drawn.until:
+            return drawn.frame
+        states = self.states()
         if not states or [len(state.position) for state in states] != [
                 scene.chain.joint_count for scene in shown.scenes]:
             return None
-        drawn = self._drawn
-        if drawn is None or drawn[0] is not shown or any(old is not new for old, new in zip(drawn[1], states)):
-            drawn = self._drawn = shown, states, frame(shown.revision, [   # for all pages
-                scene.numbers(state) for scene, state in zip(shown.scenes, states)])
-        return drawn[2]
+        made = frame(shown.revision, [scene.numbers(state) for scene, state in zip(shown.scenes, states)])
+        now = monotonic()
+        self._drawn = Drawn(shown, made, max(begun + SHORTEST, now + SHARE * (now - begun)))
+        return made
 
 
 class Kept:
