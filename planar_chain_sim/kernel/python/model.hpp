@@ -76,17 +76,20 @@ class Model {
   pc::JointForces forces;
 
   // Names of the bodies, and where they are: (slot of the link, joint point, angle, e^(j angle)) in its frame.
-  void place_bodies(const py::sequence& names, const std::vector<std::tuple<int, Complex, double, Complex>>& places) {
+  void place_bodies(const py::list& names, const std::vector<std::tuple<int, Complex, double, Complex>>& places) {
+    if (names.size() != places.size() || !places_.empty()) throw py::value_error("the kernel got no names of bodies");
     py::list kept;
     py::dict numbers;
     std::vector<pc::BodyPlace> placed;
     for (const auto& [link, at, angle, turn] : places) {
       if (link < 0 || link > chain_.link_count()) throw py::value_error("the kernel got a body on no link");
-      kept.append(plain_text(names[placed.size()]));
+      const py::object name = plain_text(names[placed.size()]);
+      if (!PyUnicode_CheckExact(name.ptr())) throw py::type_error("the kernel got a name that is no text");
+      kept.append(name);
       numbers[kept[placed.size()]] = py::int_(placed.size());
       placed.push_back({link, at.real(), at.imag(), turn.real(), turn.imag()});
     }
-    if (!places_.empty() || numbers.size() != placed.size()) throw py::value_error("the kernel got no names of bodies");
+    if (numbers.size() != placed.size()) throw py::value_error("the kernel got two bodies of one name");
     names_ = kept, numbers_ = numbers, places_ = placed;
   }
 
