@@ -167,18 +167,20 @@ def _take_chunk_index(rows: _Rows, summary: bytes, begin: int, end: int) -> int:
 
 def _from_records(path: Path, file) -> LogIndex:
     """Return the index by the records of the file, of which only the heads are read."""
-    walk, head, number, in_data = _Walk(path, file), LogHead(path, file), file.fileno(), True
+    walk, head, number, in_data, outside = _Walk(path, file), LogHead(path, file), file.fileno(), True, 0
     for opcode, start, length in frames(file):
         if in_data and opcode == Opcode.CHUNK:
             walk.begin_chunk(start, length, os.pread(number, TIMES.size, start))
         elif in_data and opcode == Opcode.MESSAGE_INDEX and length >= INDEX.size:
             walk.take_index(start + length, *INDEX.unpack(os.pread(number, INDEX.size, start)))
         elif opcode == Opcode.MESSAGE:
-            raise LogError(f'log {str(path)!r}: the message at byte {start} is in no chunk, must be in one')
+            outside = outside or start
         else:
             in_data = in_data and opcode != Opcode.DATA_END
             head.take(opcode, start, length)
     log = head.log()
+    if outside:
+        raise LogError(f'log {str(path)!r}: the message at byte {outside} is in no chunk, must be in one')
     walk.end_chunk(torn=not log.complete)
     return walk.rows.index(log, os.fstat(number).st_size, walk.end, walk.channels)
 

@@ -246,9 +246,17 @@ def test_an_output_that_cannot_be_written_is_deleted(tmp_path, whole):
                           env={**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)}, capture_output=True)
     assert done.returncode == 2 and done.stderr.count('\n') == 1 and 'File too large' in done.stderr, done.stderr
     assert list(tmp_path.iterdir()) == [torn]
+    with pytest.raises(KeyboardInterrupt):
+        repair_log(torn, tmp_path / 'out.mcap', interrupt)
+    assert list(tmp_path.iterdir()) == [torn]
     for output, reason in ((tmp_path, 'exists'), (tmp_path / 'no' / 'such', 'No such file'), (torn, 'exists')):
         with pytest.raises(pcs.LogError, match=reason):
             repair_log(torn, output)
+
+
+def interrupt(size):
+    """Behave as if Ctrl-C came while a file is repaired."""
+    raise KeyboardInterrupt
 
 
 def test_rosbags_reads_what_was_repaired(tmp_path, whole):
