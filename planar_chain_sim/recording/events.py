@@ -73,7 +73,8 @@ def _set_payload(simulation: Simulation, data: dict) -> None:
         raise
 
 
-KIND = re.compile(rb'"kind": "(\w+)", "data": {(?:"seconds": ([-+.\de]+))?')   # in the bytes of events as written here
+# Kinds in the bytes of events as they are written here, and their seconds.
+KIND = re.compile(rb'"kind": "(\w+)", "data": {(?:"seconds": (\d+(?:\.\d+)?(?:e[-+]\d+)?))?')
 
 WRENCH = ('body', 'force', 'moment', 'axes')
 END = ('message', 'reason', 'joint', 'body', 'time', 'position', 'velocity')

@@ -101,7 +101,12 @@ class _Writing:
             if record.name == 'rosbag2':
                 if self._bag_information:   # the totals at the end, which finish() writes anew
                     return
-                self._bag_information = record.metadata.get('serialized_metadata', '')
+                try:
+                    text = record.metadata['serialized_metadata']
+                    filled_bag_information(text, '', {}, 0, 0)
+                except (KeyError, ValueError):   # damaged; readers can do without
+                    return
+                self._bag_information = text
             self._mcap.add_metadata(record.name, record.metadata)
 
     def add_chunk(self, content: bytes, first: int, last: int, index: dict) -> None:

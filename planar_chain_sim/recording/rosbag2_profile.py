@@ -66,7 +66,7 @@ def filled_bag_information(text: str, file_name: str, counts: Mapping[str, int],
     """Return another bag's information with what bag_information() takes; ValueError: the text is none."""
     try:
         return _filled(yaml.safe_load(text), file_name, counts, first, last)
-    except (yaml.YAMLError, KeyError, TypeError, AttributeError, RecursionError):
+    except (yaml.YAMLError, LookupError, TypeError, ValueError, AttributeError, RecursionError):
         raise ValueError("the bag information 'rosbag2' is damaged") from None
 
 

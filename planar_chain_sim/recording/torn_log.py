@@ -7,6 +7,8 @@ from typing import Callable, Iterator, NamedTuple, Optional
 
 import numpy as np
 
+from .cdr import decode_joint_state
+from .events import decode_event
 from .log_index import TIMES
 from .log_reader import LogFile, LogHead
 from .mcap_records import (
@@ -129,7 +131,8 @@ class TornLog:
         written = written.rstrip(b'\0')   # zeros at the end of a file can be made up too
         end = max((place for _, _, place in whole_records(written)), default=0)
         try:
-            chunk = self._chunk(start, content[:end])
+            end = self._usable(start, written[:end])
+            chunk = self._chunk(start, written[:end])
         except LogError:
             return None
         self._progress(start + end - self.end)
@@ -185,6 +188,23 @@ class TornLog:
             self._tally[channel] = messages + int(mine.sum()), int(heads['sequence'][mine][-1])
         first, self._log_time = int(heads['log_time'].min()), int(heads['log_time'].max())
         return content, first, self._log_time, index
+
+    def _usable(self, start: int, content: bytes) -> int:
+        """Return where the first state or event in a cut chunk begins that cannot be decoded, else the end."""
+        assert self._log is not None
+        settings, channels = self._log.settings, dict(self.channels)
+        names = simulation_of(self._log).chain.joint_names
+        for begin, end in read_records(self._path, start, content, dict(self._schemas), channels):
+            topic, _ = channels[content[begin] | content[begin + 1] << 8]
+            try:
+                if topic == settings['events_topic']:
+                    decode_event(content[begin + MESSAGE.size:end])
+                elif topic == settings['state_topic'] and decode_joint_state(
+                        content[begin + MESSAGE.size:end]).names != names:
+                    return begin - FRAME.size
+            except ValueError:   # CdrError too
+                return begin - FRAME.size
+        return len(content)
 
     def _check_ticks(self, heads: np.ndarray) -> None:
         """Raise LogError where the states among these messages do not follow those before, tick by tick."""

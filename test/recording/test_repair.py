@@ -179,6 +179,23 @@ def test_chunks_that_come_twice_or_are_missing(tmp_path, whole):
         assert read == messages[:80] and 'does not follow tick' in found.damage and found.lost > fourth - third
 
 
+def test_a_cut_chunk_with_nonsense_in_it(tmp_path, whole):
+    """It has no check sum; what cannot be decoded is not kept."""
+    path, ends = whole
+    messages, data, torn = list(read_log(path).messages), path.read_bytes(), tmp_path / 'torn.mcap'
+    for missing in (1, 37):
+        torn.write_bytes(data[:ends[50] - 60] + data[ends[50] - 60 + missing:ends[70]])
+        read, found = repaired(torn)
+        assert read == messages[:len(read)] and found.states == 50
+
+
+def test_bag_information_that_is_damaged_is_left_out(tmp_path, whole):
+    data, torn = whole[0].read_bytes()[:-100], tmp_path / 'torn.mcap'
+    torn.write_bytes(data.replace(b'topics_with', b'Topics with'))
+    assert repair_log(torn, tmp_path / 'out.mcap').found.states == TICKS + 1
+    assert b'opics' not in (tmp_path / 'out.mcap').read_bytes() and read_log(tmp_path / 'out.mcap').complete
+
+
 def test_a_log_of_others_is_refused_at_its_first_chunk(tmp_path):
     with open(tmp_path / 'bag.mcap', 'wb') as stream:
         mcap = McapFile(stream, 'ros2', 'other')
