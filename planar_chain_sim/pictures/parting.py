@@ -33,6 +33,6 @@ def draw_parting(joints: Sequence[Joint], time: np.ndarray, differences: np.ndar
     if threshold > 0.0:
         axes[0].axhline(threshold, color=INK, linewidth=0.8, linestyle=':')
     if len(joints) <= MOST:
-        axes[0].legend(loc='lower right', ncols=2)
+        drawn.legend(*axes[0].get_legend_handles_labels(), loc='outside upper center', ncols=5)
     axes[-1].set(xlabel='time, s')
     return picture_of(drawn, kind)
