@@ -20,11 +20,12 @@ class Following:
 
     simulation: its chain, wrenches and payloads are those of the state last read; the reader may advance it.
     effort: (joints,), N m or N, acts on the motion that follows.
+    notes: sentences about what was assumed, none for a log.
     `told(event, before)` is called after each change with its event and the chain as it was before.
     """
 
     def __init__(self, log: LogFile, told: Callable[[dict, Chain], object] = lambda event, before: None):
-        self._log, self._told = log, told
+        self._log, self._told, self.notes = log, told, []
         self.simulation = simulation_of(log)
         self.effort = np.zeros(self.simulation.chain.joint_count)
 

@@ -30,6 +30,10 @@ except ImportError:
     pass   # read_log() says so in words
 
 
+class NoLog(LogError):
+    """A file that is whole, but no log of this package."""
+
+
 class LogMessage(NamedTuple):
     """One message of a log: times in ns, data as CDR with encapsulation."""
 
@@ -118,8 +122,8 @@ class LogHead:
         if self._ends and not self._complete and not part:
             raise LogError(f'log {str(self._path)!r}: it is damaged, its records do not lead to its end')
         if self._chain is None or self._settings is None:
-            raise LogError(f"log {str(self._path)!r}: it is no log of planar_chain_sim, which has the attachment "
-                           "'chain.yaml' and the metadata 'planar_chain_sim'")
+            raise NoLog(f"log {str(self._path)!r}: it is no log of planar_chain_sim, which has the attachment "
+                        "'chain.yaml' and the metadata 'planar_chain_sim'")
         try:
             return LogFile(self._path, self._chain.decode(), self._settings, self._complete)
         except UnicodeDecodeError:

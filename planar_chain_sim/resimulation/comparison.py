@@ -2,15 +2,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Callable, Optional
+from typing import Callable, Optional, Union
 
 import numpy as np
 
 from .changed_run import changed_simulation, ChangedRun
 from .parting import DECADES, Parting
+from ..chain.chain import Chain
 from ..chain.section import clipped, counted
-from ..errors import LogError, Mistake
+from ..errors import Mistake
 from ..motion.simulation import Simulation
+from ..recording.bag import Bag
 from ..recording.following import Following
 from ..recording.log_reader import LogFile
 
@@ -23,11 +25,12 @@ class Comparison:
     """
     How a changed run parts from the recorded one. `start`, `end`: the times compared, s.
 
-    `amplified_from`: when the recorded run, with SHIFT added to its velocities at the start, differs from itself by
-    more than the threshold, s; None: it does not.
+    `amplified_from`: when the run that is not changed, with SHIFT added to its velocities at the start, differs from
+    itself by more than the threshold, s; None: it does not.
     """
 
-    log: LogFile
+    recorded: Union[LogFile, Bag]
+    notes: list              # sentences about what was assumed of it
     own: Simulation          # the recorded run's, at its start
     run: ChangedRun
     what: list               # is changed, one text each
@@ -37,12 +40,20 @@ class Comparison:
     end: float
     amplified_from: Optional[float]
 
+    @property
+    def agrees(self) -> bool:
+        """Whether no position differs by more than the threshold before the motion amplifies any difference."""
+        apart = self.parting.apart_from
+        return not self.run.stopped and (apart is None or (
+            self.amplified_from is not None and apart >= self.amplified_from))
 
-def compare(log: LogFile, change: Callable[[Simulation], Simulation], threshold: float) -> Comparison:
+
+def compare(recorded: Union[LogFile, Bag], follow: Callable[[Callable[[dict, Chain], object]], Following],
+            change: Callable[[Simulation], Simulation], threshold: float) -> Comparison:
     """
-    Compare a log with the run of `change(its simulation at the start)`; `threshold` rad or m.
+    Compare what was recorded with the run of `change(its simulation at the start)`; `threshold` rad or m.
 
-    LogError: the log cannot be used. Mistake: what is changed cannot be.
+    `follow(told)` returns a fresh Following of it. LogError: it cannot be used. Mistake: what is changed cannot be.
     """
     runs: list[ChangedRun] = []
 
@@ -50,10 +61,11 @@ def compare(log: LogFile, change: Callable[[Simulation], Simulation], threshold:
         for run in runs:
             run.change(event, before, following.effort)
 
-    following = Following(log, repeat)
+    following = follow(repeat)
     own = following.simulation
-    changed, shifted = ChangedRun(own, change(own)), ChangedRun(own, changed_simulation(own), SHIFT)
-    runs += [changed, shifted]
+    changed = ChangedRun(own, change(own))
+    twins = [ChangedRun(own, changed_simulation(own), shift) for shift in (0.0, SHIFT)]
+    runs += [changed, *twins]
     mine, theirs = changed.mine, changed.theirs
     parting = Parting(len(mine), threshold)
     simulation, start, amplified_from = changed.simulation, own.tick * own.step, None
@@ -68,17 +80,19 @@ def compare(log: LogFile, change: Callable[[Simulation], Simulation], threshold:
         parting.add(time, state.position[theirs], state.velocity[theirs], simulation.position[mine],
                     simulation.velocity[mine])
         end = time
-        if amplified_from is None:
-            shifted.advance_to(tick)
-            if shifted.stopped or np.abs(shifted.simulation.position - state.position)[theirs].max() > threshold:
-                amplified_from = time
-                runs.remove(shifted)
+        if twins:
+            for twin in twins:
+                twin.advance_to(tick)
+            if any(twin.stopped for twin in twins):
+                runs, twins = [changed], []
+            elif np.ptp([twin.simulation.position[theirs] for twin in twins], axis=0).max() > threshold:
+                runs, twins, amplified_from = [changed], [], time
     if parting.close().states == 0 and not changed.stopped:
-        raise LogError(f'log {str(log.path)!r}: it holds no state to compare with')
+        raise following.error('it holds no state to compare with')
     if parting.states == 1 and simulation.step > own.step:
         raise Mistake(f'--step is {simulation.step:g} s, must be shorter than what the log holds')
     joints = tuple(own.chain.joint_names[k] for k in theirs.tolist())
-    return Comparison(log, own, changed, what, joints, parting, start, end, amplified_from)
+    return Comparison(recorded, following.notes, own, changed, what, joints, parting, start, end, amplified_from)
 
 
 def _changes(own: Simulation, simulation: Simulation) -> list:
@@ -107,13 +121,15 @@ def report(comparison: Comparison) -> str:
 
 def _headlines(comparison: Comparison) -> list:
     own, run, parting = comparison.own, comparison.run, comparison.parting
-    what = comparison.what
+    what, simulation = comparison.what, run.simulation
     shown = [*what[:MOST], *([f'{len(what) - MOST} more'] if len(what) > MOST else [])]
-    lines = [f'{comparison.log.path}: {counted(parting.states, "state")} of {own.chain.name}, t = '
-             f'{comparison.start:.6g} to {comparison.end:.6g} s, compared with a run in which these differ: '
-             f'{"; ".join(shown) or "nothing"}']
-    if not comparison.log.complete:
-        lines.append('The log was not closed properly, only its whole chunks were compared.')
+    settings = f'method {simulation.method}, ' + (
+        f'tolerance {simulation.tolerance:g}, ' if simulation.tolerance else '') + f'step {simulation.step:g} s'
+    lines = [f'{comparison.recorded.path}: {counted(parting.states, "state")} of {own.chain.name}, t = '
+             f'{comparison.start:.6g} to {comparison.end:.6g} s, compared with a run by {settings}',
+             f'Changed: {"; ".join(shown) or "nothing"}', *comparison.notes]
+    if not comparison.recorded.complete:
+        lines.append('The file was not closed properly, only its whole chunks were compared.')
     for where, chain in (('recorded', own.chain), ('changed', run.simulation.own_chain)):
         alone = [name for name in chain.joint_names if name not in comparison.joints]
         if alone:
@@ -153,22 +169,25 @@ def _notes(comparison: Comparison) -> list:
 
 def _answer(comparison: Comparison) -> str:
     run, parting = comparison.run, comparison.parting
+    no, yes, little = ('No, it does not matter', 'Yes, it matters',
+                       'No, it matters no more than a rounding error would') if comparison.what else (
+        'It is repeated', 'It is not repeated', 'It is repeated as far as any run can be')
     if run.stopped:
-        return f'Yes, it matters: the changed run stops ({run.stopped}).'
+        return f'{yes}: the computed run stops ({run.stopped}).'
     if parting.equal:
-        return f'No, it does not matter: {counted(parting.states, "state")} equal, bit for bit.'
+        return f'{no}: {counted(parting.states, "state")} equal, bit for bit.'
     k = int(parting.largest[0].argmax())
     largest = (f'the largest difference of a position is {parting.largest[0, k]:.3g} '
                f"{_unit(run, comparison.joints[k])}, joint '{comparison.joints[k]}' at t = "
                f'{parting.largest_at[0, k]:.6g} s')
     apart, limit = parting.apart_from, f'{parting.threshold:g} rad or m'
     if apart is None:
-        return f'No, it does not matter: no position differs by more than {limit}; {largest}.'
+        return f'{no}: no position differs by more than {limit}; {largest}.'
     first = comparison.joints[int(np.nanargmin(parting.apart))]
-    if comparison.amplified_from is not None and apart >= comparison.amplified_from:
-        return (f'No, it matters no more than a rounding error would: positions differ by more than {limit} only from '
-                f't = {apart:.6g} s on, when the motion amplifies any difference; {largest}.')
-    return (f"Yes, it matters: from t = {apart:.6g} s on positions differ by more than {limit}, first joint '{first}'; "
+    if comparison.agrees:
+        return (f'{little}: positions differ by more than {limit} only from t = {apart:.6g} s on, when the motion '
+                f'amplifies any difference; {largest}.')
+    return (f"{yes}: from t = {apart:.6g} s on positions differ by more than {limit}, first joint '{first}'; "
             f'{largest}.')
 
 

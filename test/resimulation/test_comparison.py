@@ -1,4 +1,5 @@
 """resimulate on another chain, by another method or step: differences are those of simulations moved by hand."""
+from functools import partial
 from math import ceil
 from random import Random
 
@@ -7,6 +8,7 @@ from oracles.random_trees import random_state, random_tree
 import pytest
 
 import planar_chain_sim as pcs
+from planar_chain_sim.recording.following import Following
 from planar_chain_sim.recording.log_reader import read_log
 from planar_chain_sim.recording.rollout import main as rollout
 from planar_chain_sim.resimulation import command_line as resimulation
@@ -82,7 +84,8 @@ def by_hand(simulation, plan, ratio=1):
 
 
 def changed(path, threshold=1e-3, **changes):
-    return compare(read_log(path), lambda own: changed_simulation(own, **changes), threshold)
+    log = read_log(path)
+    return compare(log, partial(Following, log), lambda own: changed_simulation(own, **changes), threshold)
 
 
 @pytest.mark.parametrize('seed', range(4))
@@ -103,7 +106,7 @@ def test_a_run_in_which_nothing_is_changed_is_equal_in_every_bit(tmp_path, seed)
         assert comparison.parting.equal and comparison.parting.states >= 121, (k, given)
         assert not comparison.parting.largest.any() and np.isnan(comparison.parting.apart).all()
         assert report(comparison).splitlines()[-1] == (
-            f'No, it does not matter: {comparison.parting.states} states equal, bit for bit.')
+            f'It is repeated: {comparison.parting.states} states equal, bit for bit.')
 
 
 @pytest.mark.parametrize('seed', range(6))
@@ -207,16 +210,18 @@ def swing(tmp_path_factory):
     (['--set', 'gravity.y=-1.62', '--set', 'forearm_joint.damping=0.5'],
      'gravity.y -9.81 -> -1.62; forearm_joint.damping 0.3 -> 0.5', 'Yes, it matters: from t = 0.'),
     (['--tolerance', '1e-6', '--step', '0.01'], 'tolerance 1e-09 -> 1e-06; step 0.001 -> 0.01 s', 'No, it does'),
-    (['--chain', ROBOT], 'nothing', 'No, it does not matter: 501 states equal, bit for bit.'),
+    (['--chain', ROBOT], 'nothing', 'It is repeated: 501 states equal, bit for bit.'),
+    (['--step', '0.0005'], 'step 0.001 -> 0.0005 s', 'No, it does not matter: 501 states equal, bit for bit.'),
 ])
 def test_the_report_says_what_was_changed_and_whether_it_matters(swing, capsys, arguments, first, last):
     assert resimulation.main([str(swing), *arguments]) == 0
     said = capsys.readouterr()
     lines = said.out.splitlines()
-    states = 51 if '--step' in arguments else 501
-    assert lines[0].startswith(f'{swing}: {states} states of four_link_robot, t = 0 to 0.5 s, compared with a run in '
-                               f'which these differ: {first}')
-    assert [line.split(',')[0] for line in lines[3:8]] == list(pcs.load_chain(ROBOT).joint_names)
+    states = 51 if '0.01' in arguments else 501
+    assert lines[0].startswith(f'{swing}: {states} states of four_link_robot, t = 0 to 0.5 s, compared with a run by '
+                               'method ')
+    assert lines[1].startswith(f'Changed: {first}')
+    assert [line.split(',')[0] for line in lines[4:9]] == list(pcs.load_chain(ROBOT).joint_names)
     assert lines[-1].startswith(last) and said.err == ''
 
 
@@ -254,7 +259,7 @@ def test_a_changed_run_that_stops_is_an_answer(tmp_path, capsys):
     said = capsys.readouterr()
     answer, states = said.out.splitlines()[-1], int(said.out.partition(': ')[2].split()[0])
     assert 1 <= states == int(answer.partition('at tick ')[2].partition(',')[0]) + 1 < 51
-    assert answer.startswith("Yes, it matters: the changed run stops (joint 'j' of body 'b' of spring")
+    assert answer.startswith("Yes, it matters: the computed run stops (joint 'j' of body 'b' of spring")
     assert said.err.startswith('resimulate: warning: step is 0.001 s, should be below about ')
 
 
