@@ -1,6 +1,7 @@
 """BagRun: the run of the node in a bag: its states by tick, and the changes between them, as far as the bag tells."""
 from __future__ import annotations
 
+from itertools import combinations
 from typing import Any, Callable, Iterator, Optional
 
 import numpy as np
@@ -12,18 +13,22 @@ from ..chain_file import chain_from_text
 from ..errors import LogError
 from ..motion.simulation import Simulation
 from ..recording.bag import Bag
-from ..recording.cdr import CdrError, decode_joint_state, decode_string, decode_wrench_stamped, JointStateMessage
+from ..recording.cdr import CdrError, decode_joint_state, decode_string, JointStateMessage
 from ..recording.events import decode_event, EVENTS
 from ..recording.following import Following
+from ..recording.message_types import MESSAGE_TYPES
 
 STATE, STRING, WRENCH = 'sensor_msgs/msg/JointState', 'std_msgs/msg/String', 'geometry_msgs/msg/WrenchStamped'
+BESIDE = {'events': STRING, 'wrench': WRENCH, 'commands': 'std_msgs/msg/Float64MultiArray', 'joint_commands': STATE}
+FINE = 1e-3         # s, to which the times of commands are used where states are further apart
 EVEN, UNEVEN = 0.1, 0.1   # of the time between two states, what stamps may be off; of all states, how many may be more
+STILL = 1e-12       # of the largest square of a velocity: no motion, which tells no time
 JUMP = 0.2          # of a way, what is left when the velocity is taken off, at least, where a reset has set the state
-FAR = 5             # states between two events that tell how many ticks that takes
+FAR, MOST, LONG = 5, 200, 5   # states between two events that tell how many ticks that takes; events and pairs asked
 SIMULATED = 10**17  # ns, three years: stamps below are simulated time, others are wall time
 OTHER_PACE = 0.05   # by which stamps run faster or slower than the motion, at least, at another real_time_factor
 AFTER_STATE = ('command', 'stop_touched', 'stop_left', 'stuck', 'slipped')   # events that come after the next state
-WINDOW = 3          # states by which events may have come earlier or later than the states beside them
+WINDOW = 50         # states by which events may have come earlier or later than the states beside them
 
 
 class BagRun(Following):
@@ -39,15 +44,16 @@ class BagRun(Following):
         self._bag, self._told, self.notes = bag, told, []
         topics: dict[tuple, list] = {}   # (topic, type) -> [(received, bytes)]
         for message in bag.messages:
-            if message.type_name in (STATE, STRING, WRENCH):
+            if message.type_name in BESIDE.values():
                 topics.setdefault(message[:2], []).append((message.log_time, message.data))
         chain = self._described(topics) if chain is None else chain
         topic = self._state_topic(topics, chain)
         self._read_states(topics.pop((topic, STATE)), chain)
         mine = self._beside(topics, topic)
         told = self._decoded_events(mine['events'])
-        step = self._count_ticks(told)
-        self._events = self._told_changes(told, chain, step) if told else self._seen_changes(mine['wrench'], chain)
+        commands = np.array(sorted(received for name in ('commands', 'joint_commands') for received, _ in mine[name]))
+        step = self._count_ticks(told, commands.size > 0)
+        self._events = self._told_changes(told, chain, step) if told else self._seen_changes(mine['wrench'], commands)
         self.simulation = Simulation(chain, method, step, tolerance)
         self.effort = np.zeros(chain.joint_count)
         try:
@@ -57,10 +63,13 @@ class BagRun(Following):
 
     def states(self) -> Iterator[tuple]:
         """Yield tick and number of each state, and apply the changes between them; LogError."""
-        before, events = -1, iter(self._events)
-        event = next(events, None)
-        for k, tick in enumerate(self._ticks.tolist()):
-            limit = tick if tick > before else tick + 1   # what comes at a tick comes after its first state
+        before, events, ticks = -1, iter(self._events), self._ticks.tolist()
+        event, resets = next(events, None), {each['tick'] for each in self._events if each['kind'] == 'reset'}
+        for k, tick in enumerate(ticks):
+            # What comes at a tick comes after its first state, unless that is the one after a reset, as of a tick that
+            # is published for this reason alone.
+            alone = tick in resets and self._initial[k]
+            limit = tick + 1 if tick == before or alone else tick
             while event is not None and event['tick'] < limit:
                 try:
                     self._change(event, event['tick'])
@@ -111,13 +120,13 @@ class BagRun(Following):
 
     @staticmethod
     def _beside(topics: dict, state_topic: str) -> dict:
-        """Return the messages on the node's other topics, which are in the same namespace."""
+        """Return the messages on the node's other topics, which are in the same namespace, in the order of coming."""
         space = state_topic.rpartition('/')[0]
-        found: dict[str, list] = {'events': [], 'wrench': []}
+        found: dict[str, list] = {name: [] for name in BESIDE}
         for (topic, kind), messages in topics.items():
             name = _last(topic)
-            if found.get(name) == [] and kind in (STRING, WRENCH) and topic.startswith(f'{space}/'):
-                found[name] = messages
+            if BESIDE.get(name) == kind and topic.startswith(f'{space}/') and not found[name]:
+                found[name] = sorted(messages, key=lambda message: message[0])
         return found
 
     def _decoded(self, topic: str, data: bytes):
@@ -151,12 +160,13 @@ class BagRun(Following):
         self._position, self._velocity, self._effort = numbers.swapaxes(0, 1)
         same = np.append(False, (np.diff(self._stamps) == 0) & (numbers[1:] == numbers[:-1]).all(axis=(1, 2)))
         self._keep(~same)   # the state of a pause, once more
+        self._initial = (np.stack((self._position, self._velocity), axis=1) == initial_state(chain)).all(axis=(1, 2))
 
     def _keep(self, kept: np.ndarray) -> None:
         for name in ('_received', '_stamps', '_position', '_velocity', '_effort'):
             setattr(self, name, getattr(self, name)[kept])
 
-    def _count_ticks(self, told: list) -> float:
+    def _count_ticks(self, told: list, commanded: bool) -> float:
         """Give each state the node's tick, counted from the first state; return the time between two ticks, s."""
         gaps = np.diff(self._stamps)
         if not (gaps > 0).any():
@@ -166,17 +176,20 @@ class BagRun(Following):
         usual = float(np.median(gaps[gaps > 0]))
         states = np.rint(gaps / usual)
         even = np.abs(gaps / usual - states) < EVEN
-        if np.count_nonzero(~even) > max(UNEVEN * len(gaps), 3):
+        if np.count_nonzero(~even) > max(UNEVEN * len(gaps), 10) and not self._simulated:
             raise self.error('the stamps of its states are not evenly spaced, as with a real_time_factor of 0; '
                              'publish_clock gives the states their simulated time')
         spacing = float(gaps[np.abs(gaps / usual - 1.0) < 0.01].mean()) * 1e-9
         moved, speed = np.diff(self._position, axis=0), (self._velocity[1:] + self._velocity[:-1]) / 2.0
         square = (speed**2).sum(axis=1)
-        moving = square > 1e-4 * square.max()
+        moving = square > STILL * square.max()
         took = np.where(moving, (moved * speed).sum(axis=1) / np.where(moving, square, 1.0), np.nan)   # s, simulated
-        jumped = np.abs(moved - speed * took[:, None]).sum(axis=1) > JUMP * np.abs(moved).sum(axis=1)
+        jumped = self._initial[1:] | (
+            np.abs(moved - speed * took[:, None]).sum(axis=1) > JUMP * np.abs(moved).sum(axis=1))
         pace = 1.0 if self._simulated else self._pace(took[(states == 1) & even], spacing)
-        apart = self._apart(told, np.append(0.0, np.cumsum(states)), spacing)
+        place, breaks = (np.append(0.0, np.cumsum(each)) for each in (states, ~even))
+        apart = self._apart(told, place, breaks, spacing) if told or not commanded else max(
+            1, round(pace * spacing / FINE))
         step = pace * spacing / apart
         rate = round(1.0 / step)
         if rate and abs(step * rate - 1.0) < 1e-5:   # stamps are whole ns
@@ -185,7 +198,8 @@ class BagRun(Following):
         ticks = most if self._simulated else np.where(even, states * apart, np.maximum(most, 1.0))
         # After a pause, or time that the node dropped, the arm has moved for less time than the stamps say.
         late = (gaps > 0) & ((states > 1) | ~even) & ~jumped & (not self._simulated)
-        less = late & (np.abs(took - step * apart) < np.abs(took - step * most)) | (late & ~even)
+        near = np.abs(took - step * most) <= step * np.maximum(1.0, EVEN * most)
+        less = late & ~near & (~even | (np.abs(took - step * apart) < np.abs(took - step * most)))
         ticks[less] = np.clip(np.rint(np.where(moving, took, 0.0)[less] / step), 1.0, ticks[less])
         self._ticks = np.append(0, np.cumsum(ticks.astype(np.int64)))
         if less.any():
@@ -200,14 +214,26 @@ class BagRun(Following):
         """Whether stamps are simulated time, and no wall time."""
         return bool(self._stamps[-1] < SIMULATED)
 
-    def _apart(self, told: list, place: np.ndarray, spacing: float) -> int:
-        """Return the node's ticks from one state to the next, 1 where there are no events to tell it."""
+    def _beside_states(self, told: list, values: np.ndarray) -> list:
+        """Return events and the value at their time, where `values` has one for each state; all if none is inside."""
+        inside = [each for each in told if self._received[0] <= each[1] <= self._received[-1]] or told
+        return [(event, float(np.interp(time, self._received, values))) for event, time in inside]
+
+    def _apart(self, told: list, place: np.ndarray, breaks: np.ndarray, spacing: float) -> int:
+        """
+        Return the node's ticks from one state to the next, 1 where there are no events to tell it.
+
+        place: where states are, as multiples of `spacing`, s; breaks: how many gaps before them are no such multiple.
+        """
         if self._simulated:
-            ratios = [event['tick'] * spacing * 1e9 / self._stamps[k] for event, k in told if self._stamps[k] > 0]
+            ratios = [event['tick'] * spacing * 1e9 / stamp
+                      for event, stamp in self._beside_states(told, self._stamps) if stamp > 0]
         else:
-            pairs = [*zip(told, told[1:]), *zip(told[:1], told[-1:])]
-            ratios = [(event['tick'] - before['tick']) / (place[k] - place[j]) for (before, j), (event, k) in pairs
-                      if place[k] - place[j] >= FAR]
+            seen = [(event['tick'], here, np.interp(here, place, breaks))
+                    for event, here in self._beside_states(told, place)][:MOST]
+            pairs = [(there - here, tick - before) for (before, here, part), (tick, there, same)
+                     in combinations(seen, 2) if there - here >= FAR and part == same]
+            ratios = [ticks / states for states, ticks in sorted(pairs)[-LONG:]]
         return max(1, round(float(np.median(ratios)))) if ratios else 1
 
     def _pace(self, took: np.ndarray, spacing: float) -> float:
@@ -221,14 +247,14 @@ class BagRun(Following):
         return pace
 
     def _decoded_events(self, messages: list) -> list:
-        """Return (event, number of the last state that came before it) of each event, in the order of coming."""
+        """Return the events and the times, ns, at which they came, in that order."""
         told = []
-        for received, data in sorted(messages, key=lambda message: message[0]):
+        for received, data in messages:
             try:
                 event = decode_event(data)
             except ValueError as error:
                 raise self.error(f'one of its events cannot be read ({error})') from None
-            told.append((event, max(int(np.searchsorted(self._received, received, 'right')) - 1, 0)))
+            told.append((event, received))
         return told
 
     def _told_changes(self, told: list, chain: Chain, step: float) -> list:
@@ -252,9 +278,10 @@ class BagRun(Following):
 
     def _shift(self, told: list, chain: Chain) -> int:
         """Return what to add to the ticks of events: where most commands show in the efforts of the states."""
-        around = round(float(np.median([int(self._ticks[k]) - event['tick'] - (event['kind'] in AFTER_STATE)
-                                        for event, k in told])))
+        around = round(float(np.median([tick - event['tick'] - (event['kind'] in AFTER_STATE)
+                                        for event, tick in self._beside_states(told, self._ticks)])))
         commands = [event for event, _ in told if event['kind'] == 'command']
+        resets = np.array([event['tick'] for event, _ in told if event['kind'] == 'reset'])
         if not commands or np.isnan(self._effort).any():
             return around
         limit = np.array([joint.effort_limit for joint in chain.joints])
@@ -267,7 +294,8 @@ class BagRun(Following):
             inside = (after > 0) & (after < len(self._ticks))
             after, wanted = after[inside], efforts[inside]
             shown = (self._effort[after] == wanted).all(axis=1) & (self._effort[after - 1] != wanted).any(axis=1)
-            best = max(best, (int(shown.sum()), -abs(shift - around), shift))
+            seen = int(shown.sum()) + np.isin(resets + shift, self._ticks[self._initial]).sum()
+            best = max(best, (seen, -abs(shift - around), shift))
         return best[2]
 
     def _in_order(self, data: dict) -> dict:
@@ -279,29 +307,39 @@ class BagRun(Following):
                 sorted_data[key] = [values[k] for k in self._order]
         return sorted_data
 
-    def _seen_changes(self, wrenches: list, chain: Chain) -> list:
-        """Return the changes without events: efforts and jumps of the states, and wrenches when they came."""
+    def _seen_changes(self, wrenches: list, commands: np.ndarray) -> list:
+        """Return the changes without events: efforts and jumps of the states, at times of commands; wrenches."""
         events, effort = self._first_effort(), self._effort
         for k in range(1, len(self._ticks)):
             tick, before, state = int(self._ticks[k]), int(self._ticks[k - 1]), (self._position[k], self._velocity[k])
             if tick == before:
                 data = dict(zip(('position', 'velocity'), np.array(state).tolist()))
-                reset = np.array_equal(state, initial_state(chain))
-                events.append({'tick': tick, 'kind': 'reset' if reset else 'state', 'data': {} if reset else data})
+                events.append({'tick': tick, 'kind': 'reset', 'data': {}} if self._initial[k] else {
+                    'tick': tick, 'kind': 'state', 'data': data})
             elif k > 1 and ((effort[k] != effort[k - 1]).any() or before == self._ticks[k - 2]) and (
                     np.isfinite(effort[k]).all()):
-                events.append({'tick': before, 'kind': 'command', 'data': {'effort': effort[k].tolist()}})
+                start, end = self._received[k - 1:k + 1].tolist()
+                came = commands[(commands > start) & (commands <= end)]
+                share = (came[-1] - start) / (end - start) if came.size else 0.0
+                events.append({'tick': before + min(int(share * (tick - before)), tick - before - 1),
+                               'kind': 'command', 'data': {'effort': effort[k].tolist()}})
         for received, data in wrenches:
             try:
-                body, force, torque = decode_wrench_stamped(data)
+                wrench = MESSAGE_TYPES[WRENCH].decode(data)
             except CdrError as error:
                 raise self.error(f'a wrench cannot be used ({error})') from None
-            k = max(int(np.searchsorted(self._received, received, 'right')) - 1, 0)
+            k = self._before(received)
             events.append({'tick': int(self._ticks[k]), 'kind': 'wrench', 'data': {
-                'body': body, 'force': list(force[:2]), 'moment': torque[2], 'axes': 'body'}})
-        self.notes.append('The bag has no events of the node: efforts and jumps are those of the states'
-                          + (', wrenches act from the last state before them on.' if wrenches else '.'))
+                'body': wrench['body'], 'force': list(wrench['force'][:2]), 'moment': wrench['torque'][2],
+                'axes': 'body'}})
+        self.notes.append('The bag has no events of the node: efforts and resets are those that the states show'
+                          + (', at the times of commands' if commands.size else '')
+                          + ('; wrenches act from the last state before them on.' if wrenches else '.'))
         return sorted(events, key=lambda event: event['tick'])
+
+    def _before(self, received: int) -> int:
+        """Return the number of the last state that came before a time, ns; 0 where there is none."""
+        return max(int(np.searchsorted(self._received, received, 'right')) - 1, 0)
 
     def _first_effort(self) -> list:
         """Return the event of the effort that acts from the first state on."""

@@ -4,7 +4,8 @@ from math import ceil
 from random import Random
 
 import numpy as np
-from oracles.random_trees import random_state, random_tree
+from oracles.random_runs import NOTHING, random_plan, write_plan
+from oracles.random_trees import random_tree
 import pytest
 
 import planar_chain_sim as pcs
@@ -17,38 +18,6 @@ from planar_chain_sim.resimulation.comparison import compare, report
 from planar_chain_sim.resimulation.parting import CURVE, Parting
 
 ROBOT = 'four_link_robot.yaml'
-NOTHING = 'no change'   # of a plan
-
-
-def random_plan(random, rng, chain, ticks=120):
-    """Return [(tick, kind, data)] in order, where 'effort' sets efforts, and the first is at tick 0."""
-    plan, names = [(0, 'effort', rng.normal(size=chain.joint_count))], [body.name for body in chain.bodies]
-    for tick in sorted(random.sample(range(1, ticks), random.randrange(1, 7))):
-        kind = random.choice(['effort', 'reset', 'state', 'wrench', 'payload', 'gravity', 'damping'])
-        position, velocity, effort = random_state(chain, random.randrange(1000))
-        plan.append((tick, *{
-            'effort': ('effort', effort), 'reset': ('reset', {}),
-            'state': ('state', {'position': position, 'velocity': velocity}),
-            'wrench': ('wrench', {'body': random.choice(names), 'force': rng.normal(size=2), 'moment': 0.3}),
-            'payload': ('payload', {'name': 'load', 'body': names[-1], 'mass': random.choice([0.0, 0.4]),
-                                    'position': [0.1, 0.0]}),
-            'gravity': ('parameter', {'name': 'gravity', 'value': rng.normal(size=2)}),
-            'damping': ('parameter', {'name': 'damping', 'value': rng.uniform(size=chain.joint_count)})}[kind]))
-    return [*plan, (ticks, NOTHING, {})]
-
-
-def write(path, simulation, plan):
-    """Log a plan; return the path."""
-    start, effort = simulation.tick, None
-    with pcs.OfflineLog(path, simulation) as log:
-        for tick, kind, data in plan:
-            log.advance(start + tick - simulation.tick, effort)
-            if kind == 'effort':
-                effort = data
-            elif kind != NOTHING:
-                log.change(kind, **data)
-                effort = None if kind == 'reset' else effort
-    return path
 
 
 def by_hand(simulation, plan, ratio=1):
@@ -96,7 +65,7 @@ def test_a_run_in_which_nothing_is_changed_is_equal_in_every_bit(tmp_path, seed)
         tolerance = random.choice([None, 1e-5]) if method in ('auto', 'dop853') else None
         simulation = pcs.Simulation(chain, method, random.choice([1e-3, 0.005, 1 / 3000]), tolerance)
         simulation.advance(random.choice([0, 0, 3]))
-        path = write(tmp_path / f'{k}.mcap', simulation, random_plan(random, rng, chain))
+        path = write_plan(tmp_path / f'{k}.mcap', simulation, random_plan(random, rng, chain))
         same = {'method': simulation.method, 'step': simulation.step, 'tolerance': simulation.tolerance,
                 'parameters': dict(list(chain.parameters.items())[:3]), 'chain': chain}
         given = {name: same[name] for name in random.sample(sorted(same), random.randrange(1, 6))}
@@ -115,7 +84,7 @@ def test_differences_are_those_of_two_simulations_moved_by_hand(tmp_path, seed):
     ratio = [1, 1, 2, 0.5, 3, 1.5][seed]
     random, rng, chain = Random(seed), np.random.default_rng(seed), random_tree(seed, 2 + seed % 3)
     plan = [each for each in random_plan(random, rng, chain) if each[1] not in ('reset', 'state')]
-    path = write(tmp_path / 'run.mcap', pcs.Simulation(chain), plan)
+    path = write_plan(tmp_path / 'run.mcap', pcs.Simulation(chain), plan)
     theirs = by_hand(pcs.Simulation(chain), plan)
     mine = by_hand(pcs.Simulation(chain, 'rk4', 1e-3 * ratio), plan, ratio)
     common = [tick for tick in range(121) if tick % ratio == 0 or tick / ratio == tick // ratio]

@@ -3,13 +3,11 @@ from pathlib import Path
 from threading import Event, Thread
 import time
 
+from oracles.bags import write_bag
 import rclpy
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
-from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.rosbag2.enums import CompressionFormat, CompressionMode
-from rosbags.typesys import get_typestore, Stores
 
 from planar_chain_sim.ros.messages import PolledGroup
 
@@ -39,9 +37,17 @@ class BagRecorder:
         self.node.destroy_node()
         self.context.try_shutdown()
 
-    def matched(self):
-        """Whether every topic has somebody who publishes it."""
-        return all(subscription.get_publisher_count() for subscription in self.subscriptions)
+    def heard(self, *publishers):
+        """Whether all topics have a publisher, and these publishers a node beside the recorder that listens."""
+        return all(subscription.get_publisher_count() for subscription in self.subscriptions) and all(
+            publisher.get_subscription_count() >= 2 for publisher in publishers)
+
+    def wait_for(self, text, patience=60.0):
+        """Wait for a message that holds a text."""
+        end = time.monotonic() + patience
+        while not any(text.encode() in data for _, _, data in tuple(self.messages)):
+            assert time.monotonic() < end, f'no message with {text!r} has come'
+            time.sleep(0.01)
 
     def _record(self):
         while not self._done.is_set():
@@ -55,16 +61,3 @@ class BagRecorder:
         """Write a bag."""
         types = {topic: kind.__module__.split('.')[0] + '/msg/' + kind.__name__ for topic, kind in self.topics.items()}
         return write_bag(path, types, self.messages, **options)
-
-
-def write_bag(path, types, messages, plugin=StoragePlugin.MCAP, compression=CompressionMode.STORAGE):
-    """Write messages (topic, received, bytes) of `types`, topic -> name, into a new folder, as rosbag2 does."""
-    store = get_typestore(Stores.ROS2_JAZZY)
-    with_writer = Writer(path, version=9, storage_plugin=plugin)
-    if compression != CompressionMode.NONE:
-        with_writer.set_compression(compression, CompressionFormat.ZSTD)
-    with with_writer as writer:
-        connections = {topic: writer.add_connection(topic, kind, typestore=store) for topic, kind in types.items()}
-        for topic, received, data in sorted(messages, key=lambda message: message[1]):
-            writer.write(connections[topic], received, data)
-    return path
