@@ -53,7 +53,8 @@ class BagRun(Following):
         told = self._decoded_events(mine['events'])
         commands = np.array(sorted(received for name in ('commands', 'joint_commands') for received, _ in mine[name]))
         step = self._count_ticks(told, commands.size > 0)
-        self._events = self._told_changes(told, chain, step) if told else self._seen_changes(mine['wrench'], commands)
+        self._events = (self._told_changes(told, chain, step) if told else
+                        self._seen_changes(mine['wrench'], commands, chain))
         self.simulation = Simulation(chain, method, step, tolerance)
         self.effort = np.zeros(chain.joint_count)
         try:
@@ -307,7 +308,7 @@ class BagRun(Following):
                 sorted_data[key] = [values[k] for k in self._order]
         return sorted_data
 
-    def _seen_changes(self, wrenches: list, commands: np.ndarray) -> list:
+    def _seen_changes(self, wrenches: list, commands: np.ndarray, chain: Chain) -> list:
         """Return the changes without events: efforts and jumps of the states, at times of commands; wrenches."""
         events, effort = self._first_effort(), self._effort
         for k in range(1, len(self._ticks)):
@@ -323,11 +324,15 @@ class BagRun(Following):
                 share = (came[-1] - start) / (end - start) if came.size else 0.0
                 events.append({'tick': before + min(int(share * (tick - before)), tick - before - 1),
                                'kind': 'command', 'data': {'effort': effort[k].tolist()}})
+        decode = MESSAGE_TYPES[WRENCH].decode
+        assert decode is not None
         for received, data in wrenches:
             try:
-                wrench = MESSAGE_TYPES[WRENCH].decode(data)
+                wrench = decode(data)
             except CdrError as error:
                 raise self.error(f'a wrench cannot be used ({error})') from None
+            if wrench['body'] not in chain.body_index or not np.isfinite(wrench['force'] + wrench['torque']).all():
+                continue   # the node refused it
             k = self._before(received)
             events.append({'tick': int(self._ticks[k]), 'kind': 'wrench', 'data': {
                 'body': wrench['body'], 'force': list(wrench['force'][:2]), 'moment': wrench['torque'][2],

@@ -215,3 +215,23 @@ def test_files_that_are_no_bag_are_one_sentence(log, tmp_path, capsys):
         code, answer, words = asked(capsys, path, '--chain', PENDULUM)
         assert code == 2 and words.count('\n') == 1 and sentence in words, words
     assert asked(capsys, bag / 'bag.db3', '--chain', PENDULUM)[0] == 0
+
+
+@pytest.mark.ros
+def test_without_events_a_wrench_acts_from_the_last_state_before_it(tmp_path, capsys):
+    """Of three messages the node refused two."""
+    from geometry_msgs.msg import WrenchStamped
+    from rclpy.serialization import serialize_message
+    log, topic = tmp_path / 'run.mcap', '/arm/simulator/wrench'
+    with pcs.OfflineLog(log, pcs.Simulation(pcs.load_chain(PENDULUM))) as run:
+        run.advance(40)
+        run.change('wrench', body='lower_rod', force=[3.0, -1.0], moment=0.5)
+        run.advance(100)
+    said = [each for each in published(log) if each[0] == STATES]
+    for body, force in (('lower_rod', 3.0), ('hand', 1.0), ('upper_rod', float('inf'))):
+        push = WrenchStamped()
+        push.header.frame_id, push.wrench.force.x, push.wrench.force.y, push.wrench.torque.z = body, force, -1.0, 0.5
+        said.append((topic, START + 40_400_000, serialize_message(push)))
+    bag = write_bag(tmp_path / 'bag', {**TYPES, topic: 'geometry_msgs/msg/WrenchStamped'}, said)
+    code, answer, words = asked(capsys, bag, '--chain', PENDULUM, '--threshold', 1e-9)
+    assert code == 0 and 'wrenches act from the last state before them on.' in words, words
