@@ -9,16 +9,18 @@ from typing import Any, Mapping, Optional, Sequence
 
 import numpy as np
 
-from .scene import frame, Scene, SERIES, State
+from .scene import frame, Scene, SERIES, State, TRAIL
 from .source import KEPT, REPEATED, Source
 from ..chain.quantities import changed_chain, QUANTITIES
 from ..errors import LogError, Mistake
+from ..mechanics.body_poses import body_poses
 from ..mechanics.dynamics import energy
 from ..mechanics.loads import Wrench
 from ..recording.events import EVENTS
 from ..recording.seekable_log import SeekableLog
 
 MOST_ROWS = 2000        # of a chart
+TRAIL_POINTS = 300
 SAMPLES = 60            # states of a window too long to be read as a whole, for the energy
 FIRST_LOOK = 5.0        # s for the events that a page is told at once
 SEARCH_TIME = 3.0       # s for the search of the next event
@@ -77,6 +79,9 @@ class LogSource(Source):
             return await asyncio.to_thread(self._series, question['begin'], question['end'], question['count'])
         if question['do'] == 'event':
             return {'found': await asyncio.to_thread(self._event_near, question['time'], question['forward'])}
+        if question['do'] == 'trail':
+            return await asyncio.to_thread(self._trail, question['body'], complex(*question['point']),
+                                           question['begin'], question['end'])
         return await super().answer(question)
 
     def _series(self, begin: float, end: float, count: float) -> bytes:
@@ -86,6 +91,21 @@ class LogSource(Source):
             stored = self._energy(log, rows)
             for_rows = [np.concatenate([*side, stored], axis=1) for side in (rows.low, rows.high)]
             parts += [[*for_rows[0].shape, rows.exact], rows.time, *(np.ravel(side) for side in for_rows)]
+        return np.concatenate(parts).astype('<f8').tobytes()
+
+    def _trail(self, body: str, point: complex, begin: float, end: float) -> bytes:
+        parts: list = [[TRAIL, self.shown.revision, len(self._logs)]]
+        for log in self._logs:
+            index, ticks = log.chain.body_index.get(body), range(log.tick_at(begin), log.tick_at(end) + 1)
+            if index is None:
+                parts.append([0])
+                continue
+            chosen = np.unique(np.linspace(0, len(ticks) - 1, TRAIL_POINTS).astype(int)).tolist() if ticks else []
+            states = [log.state_at(ticks[k] * log.settings['step']) for k in chosen]
+            position = np.array([state.position for state in states]).reshape(-1, log.chain.joint_count)
+            poses = body_poses(log.chain, position)
+            place = poses.point[:, index] @ [1.0, 1.0j] + point * np.exp(1j * poses.angle[:, index])
+            parts += [[len(states)], [state.time for state in states], place.real, place.imag]
         return np.concatenate(parts).astype('<f8').tobytes()
 
     def _energy(self, log: SeekableLog, rows: Any) -> np.ndarray:

@@ -25,6 +25,7 @@ that is slow or hangs.
 
     {"do": "series", "begin": s, "end": s, "count": rows}   a window of the charts, at most so many rows of each arm
     {"do": "event", "time": s, "forward": true}             {"found": event}: the next, or the last one before; null
+    {"do": "trail", "body": name, "point": [x, y], "begin": s, "end": s}    where that point of the body was
 
 **A frame** is little-endian float64: the revision of the scene that it belongs to, then for each arm
 
@@ -37,6 +38,9 @@ that is slow or hangs.
 **The rows of a window** begin with -1, the revision and the number of arms, then for each arm the number of rows and of
 columns, 1 where all states were read and 0 where they are samples, the times, s, and the least and the greatest values
 of each row: positions, velocities, efforts, kinetic and potential energy and their sum.
+
+**A trail** begins with -2, the revision and the number of arms, then for each arm the number of points, their times, x
+and y; none of an arm that has no such body.
 
 NaN stands for what is unknown. A slide that reads q has its joint point at (x, y) + q (cos angle, sin angle); a body
 that turns about its joint point (x, y) and reads q has the angle `angle` + axis q.
@@ -56,7 +60,7 @@ from ..mechanics.body_poses import body_poses
 from ..mechanics.dynamics import energy
 from ..mechanics.loads import Wrench
 
-SERIES = -1.0   # in place of a revision, at the beginning of the rows of a window
+SERIES, TRAIL = -1.0, -2.0   # in place of a revision, at the beginning of the rows of a window and of a trail
 WEIGHT = 9.81   # N/kg, of which the sliders must hold what a joint carries
 
 

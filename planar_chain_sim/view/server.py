@@ -30,8 +30,9 @@ ACTIONS: Mapping[str, Mapping[str, str]] = {
     'pull': {'body': 'name', 'point': 'place', 'to': 'place'},
     'set': {'name': 'name', 'value': 'number or numbers'},
     'series': {'begin': 'number', 'end': 'number', 'count': 'number'},
-    'event': {'time': 'number', 'forward': 'flag'}}
-ANSWERED = ('series', 'event')   # at once, beside the frames
+    'event': {'time': 'number', 'forward': 'flag'},
+    'trail': {'body': 'name', 'point': 'place', 'begin': 'number', 'end': 'number'}}
+ANSWERED = ('series', 'event', 'trail')   # at once, beside the frames
 HOST = re.compile(r'(\[[0-9a-fA-F:.]+\]|[^:\[\]]+)(:\d{1,5})?')
 
 

@@ -136,3 +136,21 @@ def test_the_charts_have_the_rows_of_the_log(screen, logs):
         assert (low[row, :4] <= within.min(axis=0)).all() and (high[row, :4] >= within.max(axis=0)).all()
     np.testing.assert_allclose(low[:, 6:], whole[ticks, 6:], rtol=1e-12, atol=1e-12)
     assert screen('return document.querySelectorAll("#strips figure").length') == 4   # no lateness of a log
+
+
+def test_a_jump_brings_the_trail_that_led_there(screen, logs):
+    """The trail of the end of the lower rod over 1 s, in both logs, without having played them."""
+    screen('document.getElementById("trail-length").value = 1;'
+           'document.getElementById("trail-length").dispatchEvent(new Event("change")); view.timeline.seek(1.4)')
+    trails = until(lambda: screen("""
+        const {trails, arms} = view.drawing;
+        return arms[0].tick === 1400 && trails.every((trail) => trail.length > 200) &&
+          trails.map((trail) => trail.map(({time, x, y}) => [time, x, y]));"""))
+    length = screen('const {x1, y1, x2, y2} = view.arms[0].bodies[1].segments[0]; return Math.hypot(x2 - x1, y2 - y1)')
+    for path, trail in zip(logs, trails):
+        run, (time, *place) = pcs.load_log(path), np.transpose(trail)
+        ticks = np.round(time / STEP).astype(int)
+        assert ticks[0] == 400 and ticks[-1] == 1400
+        poses = pcs.body_poses(run.chain, run.position[ticks])
+        end = poses.point[:, 1] + length * np.transpose([np.cos(poses.angle[:, 1]), np.sin(poses.angle[:, 1])])
+        np.testing.assert_allclose(np.transpose(place), end, rtol=0, atol=1e-9)

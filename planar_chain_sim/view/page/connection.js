@@ -6,7 +6,7 @@ const SILENT = 3000;                    // ms without an answer after which the 
 
 export class Connection {
   // news(message): what came as JSON; frame(numbers): Float64Array, empty while there is nothing to draw;
-  // series(numbers): Float64Array; state(word): 'open', 'lost' or 'silent'; wanted(): what the next request for a frame
+  // series(numbers), trail(numbers): Float64Array; state(word): 'open', 'lost' or 'silent'; wanted(): what the next request for a frame
   // says besides; turn(): before each request
   constructor(handlers) {
     Object.assign(this, handlers);
@@ -33,7 +33,8 @@ export class Connection {
     socket.onmessage = ({data}) => {
       if (typeof data === 'string') return this.news(JSON.parse(data));
       const numbers = new Float64Array(data);
-      if (numbers[0] < 0) return this.series(numbers);
+      if (numbers[0] === -1) return this.series(numbers);
+      if (numbers[0] === -2) return this.trail(numbers);
       this.waiting = 0;
       this.tell('open');
       this.frame(numbers);

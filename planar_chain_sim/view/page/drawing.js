@@ -132,8 +132,9 @@ export class Drawing {
     const [x, y] = inPlane(body, this.trailOf.point), last = trail[trail.length - 1];
     if (last && (state.time < last.time || state.time > last.time + Math.max(GAP, this.trailLength / 4))) trail.length = 0;
     if (!last || state.time !== last.time) trail.push({time: state.time, x, y});
-    let old = trail.length - MOST;
-    while (old < trail.length - 1 && trail[Math.max(old, 0)].time < state.time - this.trailLength) old = Math.max(old, 0) + 1;
+    const begin = state.time - this.trailLength - 1e-9;
+    let old = Math.max(0, trail.length - MOST);
+    while (old < trail.length - 1 && trail[old].time < begin) old++;
     if (old > 0) trail.splice(0, old);
     if (!this.trailLength || trail.length < 2) return;
     const {pen} = this, parts = 8;
@@ -153,6 +154,22 @@ export class Drawing {
     pen.lineCap = 'butt';
     const [px, py] = this.camera.toPixel(x, y);
     dot(pen, px, py, 3.5, pen.strokeStyle);
+  }
+
+  // The point whose trail is drawn: name of its body, place in its frame; null if there is none.
+  trailPoint() {
+    const index = this.trailOf?.body, body = this.arms?.[0].bodies[index];
+    if (!body) return null;
+    const [px, py] = inPlane(body, this.trailOf.point), c = Math.cos(body.angle), s = Math.sin(body.angle);
+    return {body: this.scene[0].bodies[index].name,
+            point: [c * (px - body.x) + s * (py - body.y), c * (py - body.y) - s * (px - body.x)]};
+  }
+
+  // The trail of an arm up to the state that is drawn; one that comes too late is dropped.
+  setTrail(k, trail) {
+    if (!trail.length || Math.abs(trail[trail.length - 1].time - this.arms?.[k]?.time) > 1e-9) return;
+    this.trails[k] = trail;
+    this.again();
   }
 
   // A stop that is touched stays lit long enough to be seen.

@@ -22,7 +22,7 @@ const charts = new Charts(element('strips'), element('legend'), (time) => {
   timeline.stop();
   timeline.seek(time);
 });
-const timeline = new Timeline({send, charts});
+const timeline = new Timeline({send, charts, drawing});
 const events = new Events(element('event-list'), {timeOf, jump: (tick) => {
   if (timeline.active) timeline.found({tick});
 }});
@@ -72,6 +72,7 @@ const connection = new Connection({
   },
 
   series: (numbers) => timeline.series(numbers, view.revision),
+  trail: (numbers) => timeline.trail(numbers, view.revision),
 
   frame(numbers) {
     const arms = readFrame(numbers, view.scene, view.revision);

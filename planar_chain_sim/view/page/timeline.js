@@ -11,9 +11,9 @@ const CALM = 120;         // ms without a jump, after which the charts of the ne
 const BAD = new Set(['divergence', 'stopped', 'dropped_time', 'rejected', 'controller_loss', 'command_timeout']);
 
 export class Timeline {
-  // send(what, values); charts
-  constructor({send, charts}) {
-    Object.assign(this, {send, charts});
+  // send(what, values); charts; drawing, whose trails are asked for after a jump
+  constructor({send, charts, drawing}) {
+    Object.assign(this, {send, charts, drawing});
     this.active = false;
     this.time = 0;
     this.playing = false;
@@ -84,6 +84,7 @@ export class Timeline {
     }
     this.before = now;
     this.window();
+    if (!this.playing && now - (this.moved ?? 0) > CALM) this.askTrail();
   }
 
   seek(time) {
@@ -168,9 +169,29 @@ export class Timeline {
     this.charts.fix(tables, this.charts.begin, this.charts.end);
   }
 
+  // Ask for the trail up to the state that is drawn, once.
+  askTrail() {
+    const point = this.drawing.trailPoint(), {trailLength, arms} = this.drawing, time = arms?.[0].time;
+    if (!point || !trailLength || time === undefined) return;
+    const key = [time, point.body, ...point.point.map((each) => each.toFixed(6)), trailLength].join();
+    if (key === this.trailed || this.waiting) return;
+    if (this.send('trail', {...point, begin: Math.max(this.first, time - trailLength), end: time})) this.trailed = key;
+  }
+
+  trail(numbers, revision) {
+    if (numbers[1] !== revision) return;
+    let at = 3;
+    const take = (count) => numbers.subarray(at, at += count);
+    for (let arm = 0; arm < numbers[2]; arm++) {
+      const [count] = take(1), [time, x, y] = [take(count), take(count), take(count)];
+      this.drawing.setTrail(arm, Array.from(time, (each, k) => ({time: each, x: x[k], y: y[k]})));
+    }
+  }
+
   // The connection was lost: nothing that was asked for comes any more.
   forget() {
     this.waiting = false;
     this.asked = null;
+    this.trailed = '';
   }
 }
