@@ -210,13 +210,15 @@ def log_use_sim_time(node, values) -> None:
     Log what use_sim_time means for this node, at the start and when it is set.
 
     Ticks are counted on the steady clock and nothing here waits for /clock. A subscription to it would only receive
-    the node's own messages, a thousand a second.
+    the node's own messages, a thousand a second. So the node gives up its source of time now, before any thread runs:
+    that would subscribe later, and a subscription that ends while the executor is about to wait for it ends the node.
     """
+    node._time_source.detach_node()
+
     def log_meaning(wanted: bool) -> None:
         if not wanted:
             node.get_logger().info('use_sim_time is off, which changes nothing: this node never waits for /clock')
             return
-        node._time_source.detach_node()
         if values['publish_clock']:
             node.get_logger().info('use_sim_time is set and this node is the clock')
         else:

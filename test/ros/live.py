@@ -135,6 +135,12 @@ class Peer:
         return self
 
     def __exit__(self, *exception):
+        # Fast DDS 2.14 can hang in a participant that ends just when it hears that another one has gone.
+        seen, calm = None, 0
+        while calm < 5:
+            known = sorted(self.node.get_node_names()), self.states_in.get_publisher_count()
+            calm, seen = (calm + 1 if known == seen else 0), known
+            time.sleep(0.01)
         self.executor.shutdown()
         self.node.destroy_node()
         self.context.try_shutdown()
