@@ -1,4 +1,5 @@
 """info: ten lines on a log, the numbers of which are those of the whole log."""
+import os
 import re
 
 from hypothesis import given, settings, strategies as st
@@ -9,6 +10,7 @@ import planar_chain_sim as pcs
 from planar_chain_sim.recording import info
 from planar_chain_sim.recording.cdr import encode_float64_multi_array, JointStateLayout
 from planar_chain_sim.recording.events import encode_command, encode_event
+from planar_chain_sim.recording.log_reader import read_log
 from planar_chain_sim.recording.log_writer import LogWriter
 from planar_chain_sim.recording.rosbag2_profile import Channel
 from planar_chain_sim.recording.run_settings import settings_of
@@ -53,7 +55,7 @@ def live(tmp_path_factory):
 def test_ten_lines_on_a_live_log(live, capsys, monkeypatch):
     said = lines(live, capsys)
     assert said['log'] == f'{live} of double_pendulum, finished'
-    assert re.fullmatch(r'\d+ kB in 11 chunks, \d+ bytes a tick; version ' + pcs.__version__, said['size'])
+    assert re.fullmatch(r'\d+(\.\d)? kB in 11 chunks, \d+ bytes a tick; version ' + pcs.__version__, said['size'])
     assert said['duration'] == '1 s simulated, t = 0.005 to 1.005 s; recorded in 2 s from 2023-11-14 22:13:20 UTC'
     assert said['ticks'] == '1000 of 0.001 s, 5 to 1005; 1001 states'
     assert said['method'] == 'rk4, form auto' and said['joints'] == '2: upper_joint, lower_joint'
@@ -82,6 +84,40 @@ def test_logs_without_ros_and_cut_logs(tmp_path, live, capsys):
     begin = data.index(b'rosbag2') + 100
     (tmp_path / 'begun.mcap').write_bytes(data[:begin + 1000])
     assert lines(tmp_path / 'begun.mcap', capsys)['ticks'] == 'no state is whole; 0.001 s each'
+
+
+@pytest.mark.parametrize('plugin', ['MCAP', 'SQLITE3'])
+def test_ten_lines_on_a_bag(live, tmp_path, capsys, plugin):
+    """It tells less: no chain, method or ticks."""
+    rosbag2 = pytest.importorskip('rosbags.rosbag2')
+    from oracles.bags import write_bag
+    messages = list(read_log(live).messages)
+    bag = write_bag(tmp_path / 'bag', {message.topic: message.type_name for message in messages},
+                    [message[:1] + (message.log_time, message.data) for message in messages],
+                    getattr(rosbag2.StoragePlugin, plugin), rosbag2.CompressionMode.NONE)
+    said = lines(bag, capsys)
+    assert said['log'] == f'{bag}, a bag, finished' and re.fullmatch(r'\d+(\.\d)? kB in 1 file', said['size'])
+    assert said['duration'] == 'unknown; recorded in 2 s from 2023-11-14 22:13:20 UTC'
+    assert said['ticks'] == 'unknown; states received: 1001: /joint_states 1001'
+    assert said['joints'] == '2: upper_joint, lower_joint' and said['received'] == '1001: /simulator/commands 1001'
+    assert (said['changes'], said['events']) == ('1001: command 1001', '4: dropped_time 2, held_up 2')
+    assert said['gaps'] == '0.5 s of wall time dropped, 0.002 s at most between two states on /joint_states'
+    file, = [file for file in bag.iterdir() if file.suffix != '.yaml']
+    assert {**lines(file, capsys), 'log': said['log']} == said
+    assert info.main([str(tmp_path)]) == 2
+    assert 'the folder holds no' in capsys.readouterr().err
+
+
+def test_files_that_are_neither(tmp_path, capsys):
+    os.mkfifo(tmp_path / 'pipe')
+    (tmp_path / 'empty.mcap').touch()
+    (tmp_path / 'text').write_text('name: chain')
+    (tmp_path / 'text.db3').write_text('name: chain')
+    for name, reason in (('pipe', 'it is no file'), ('none', 'No such file'), ('empty.mcap', 'no MCAP file'),
+                         ('text', 'no MCAP file'), ('text.db3', 'cannot be read as a bag of SQLite')):
+        assert info.main([str(tmp_path / name)]) == 2
+        said = capsys.readouterr().err
+        assert said.startswith('info: ') and said.count('\n') == 1 and name in said and reason in said
 
 
 @settings(max_examples=60, deadline=2000)   # ms
