@@ -271,7 +271,7 @@ class Fuzz:
                     [-1.0, 1.0, 0.5][:junk.one_of(count, count, *[0, 3] * junk.beside())]
                     if name == 'stop' else [0.5] * junk.one_of(count, count, *[0, 7] * junk.beside())))
         made = _kernel.Stepper(model, self.data(), 1e-3, junk.one_of(True, False))
-        for _ in range(2):
+        for _ in range(1 + junk.beside()):
             model.place_bodies(*junk.arguments(['a', 'b'], [tuple(junk.arguments(
                 int(junk.size(links)), 0.1j, 0.2, 1.0 + 1j)) for _ in range(junk.size(2))]))
             made.set_wrench(*junk.arguments(junk.one_of('a', 'b'), junk.array(2), 0.5, 'body'))
