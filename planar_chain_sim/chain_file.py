@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 import os
 from pathlib import Path
+import site
 import stat
 import sys
 from typing import Union
@@ -80,7 +81,7 @@ def find_chain_file(path: Union[str, os.PathLike]) -> Path:
     Return the full path of the chain file `path`: an absolute path unchanged, a relative one in the first place found.
 
     The places: the working directory, then the package's config folder (with or without a leading `config/`) in the
-    ament index, under `sys.prefix`, in the source tree. ChainError where none of them has it.
+    ament index, under `sys.prefix`, in the source tree, under the base of `pip --user`. ChainError: nowhere.
     """
     path = Path(path)
     if path.is_absolute() or os.path.exists(path):
@@ -97,10 +98,12 @@ def find_chain_file(path: Union[str, os.PathLike]) -> Path:
 
 
 def config_folders() -> Iterator[Path]:
-    """Yield the folders where the package's own chain files can lie: ament index, sys.prefix, source tree."""
+    """Yield the folders where the package's chain files can lie: ament index, sys.prefix, source tree, user's own."""
     package = __name__.partition('.')[0]
     for prefix in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep):
         if prefix and Path(prefix, 'share/ament_index/resource_index/packages', package).exists():
             yield Path(prefix, 'share', package, 'config')
     yield Path(sys.prefix, 'share', package, 'config')
     yield Path(__file__).resolve().parents[1] / 'config'
+    if site.ENABLE_USER_SITE:
+        yield Path(site.getuserbase(), 'share', package, 'config')

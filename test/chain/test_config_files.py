@@ -1,5 +1,6 @@
 """The chain files of the package: where they are found, and that each is what its header says."""
 from pathlib import Path
+import site
 import sys
 
 import numpy as np
@@ -97,6 +98,7 @@ def empty_places(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path / 'here')
     monkeypatch.setenv('AMENT_PREFIX_PATH', f'/no/such/folder:{tmp_path / "ament"}')
     monkeypatch.setattr(sys, 'prefix', str(tmp_path / 'prefix'))
+    monkeypatch.setattr(site, 'ENABLE_USER_SITE', False)
     return tmp_path
 
 
@@ -124,6 +126,15 @@ def test_relative_chain_file_is_found_in_the_first_of_its_places(empty_places, p
     put(empty_places / 'here' / Path(path).parent)
     assert find_chain_file(path) == Path(path)
     assert load_chain(path).name == 'double_pendulum'
+
+
+def test_a_chain_of_a_user_s_own_installation_is_found(empty_places, monkeypatch):
+    in_user = put(empty_places / 'user/share/planar_chain_sim/config', 'chain_of_user.yaml')
+    with pytest.raises(ChainError, match='was not found'):
+        find_chain_file('chain_of_user.yaml')
+    monkeypatch.setattr(site, 'ENABLE_USER_SITE', True)
+    monkeypatch.setattr(site, 'USER_BASE', str(empty_places / 'user'))
+    assert find_chain_file('chain_of_user.yaml') == in_user
 
 
 def test_absolute_chain_file_stays_and_an_unknown_one_is_one_sentence(empty_places):
