@@ -131,7 +131,7 @@ def _draw_events(axes, source: Source, traces: list, number: int) -> None:
             row = rows.setdefault(kind, len(rows))
             times = times[np.unique(np.round(times / width), return_index=True)[1]]
             axes.plot(times, np.full(times.size, row + 0.2 * number), MARKS[number], color=INK, markersize=3.5,
-                      markerfacecolor='none' if number else INK, linestyle='none')
+                      markerfacecolor='none' if number else INK, linestyle='none', clip_on=False)
     axes.set_yticks(range(len(rows)), list(rows))
     axes.set_ylim(len(rows) - 0.4, -0.6)
     axes.set_title('events' if rows else 'no events')
@@ -198,8 +198,10 @@ def _legend(drawn, sources: list, joints: list, wide: float) -> None:
                     for each, line, mark in zip(sources, LINES, MARKS)]
     if entries:
         longest = max(len(each.get_label()) for each in entries)
-        drawn.legend(handles=entries, loc='outside upper left', fontsize=8,
-                     ncols=max(1, min(len(entries), int(13.5 * wide) // (longest + 7))))
+        columns = max(1, min(len(entries), int(13.5 * wide) // (longest + 7)))
+        drawn.legend(handles=entries, loc='upper left', fontsize=8, ncols=columns)
+        height = 0.1 + 0.175 * -(-len(entries) // columns)    # inches
+        drawn.get_layout_engine().set(rect=(0.0, 0.0, 1.0, 1.0 - height / drawn.get_size_inches()[1]))
 
 
 def _text(name: str) -> str:
