@@ -21,8 +21,7 @@ export class Events {
   }
 
   clear() {
-    this.last = null;
-    this.ticks = [];   // of all rows, the oldest first
+    this.last = this.marked = null;
     this.list.replaceChildren();
   }
 
@@ -64,12 +63,10 @@ export class Events {
 
   // Mark the row of the last event up to a tick.
   mark(tick) {
-    let found = null;
-    for (const item of this.list.children) {
-      if (!found && Number(item.dataset.tick) <= tick) found = item;
-      item.classList.toggle('now', item === found);
-    }
+    const found = [...this.list.children].find((item) => Number(item.dataset.tick) <= tick) ?? null;
     if (found !== this.marked) {
+      this.marked?.classList.remove('now');
+      found?.classList.add('now');
       this.marked = found;
       if (found && !this.list.matches(':hover, :focus-within')) {
         this.list.scrollTop = found.offsetTop - this.list.offsetTop - this.list.clientHeight / 2;

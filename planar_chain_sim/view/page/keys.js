@@ -38,7 +38,9 @@ export class Keys {
       if (event.ctrlKey || event.altKey || event.metaKey || dialog.open) return;
       if (target.matches('select, textarea, input:not([type=range], [type=checkbox])')) return;
       if (target.matches('input[type=range]') && key.startsWith('Arrow')) return;
-      if (target.matches('button:focus-visible, input[type=checkbox]') && key === ' ') return;
+      // a button of the help that has just been closed may still have the focus
+      const here = target.getClientRects().length > 0;
+      if (here && target.matches('button:focus-visible, input[type=checkbox]') && key === ' ') return;
       const found = KEYS.find(([keys]) => keys.includes(key))?.[4];
       if (!found) return;
       event.preventDefault();
