@@ -144,7 +144,8 @@ def test_a_jump_brings_the_trail_that_led_there(screen, logs):
            'document.getElementById("trail-length").dispatchEvent(new Event("change")); view.timeline.seek(1.4)')
     trails = until(lambda: screen("""
         const {trails, arms} = view.drawing;
-        return arms[0].tick === 1400 && trails.every((trail) => trail.length > 200) &&
+        const whole = (trail) => trail.length > 200 && Math.abs(trail[0].time - 0.4) < 1e-6;
+        return arms[0].tick === 1400 && trails.every(whole) &&
           trails.map((trail) => trail.map(({time, x, y}) => [time, x, y]));"""))
     length = screen('const {x1, y1, x2, y2} = view.arms[0].bodies[1].segments[0]; return Math.hypot(x2 - x1, y2 - y1)')
     for path, trail in zip(logs, trails):

@@ -7,6 +7,7 @@ const SPEEDS = [0.05, 0.1, 0.25, 0.5, 1, 2, 5, 10, 50];
 const THUMB = 8;          // px, half of the slider's thumb
 const BEFORE = 0.7;       // share of the charts' window that is past
 const ROWS = 450;         // of a window of the charts
+const JUMP = 0.05;        // s; beyond that the trail does not go on from where it was
 const CALM = 120;         // ms without a jump, after which the charts of the new place are asked for
 const BAD = new Set(['divergence', 'stopped', 'dropped_time', 'rejected', 'controller_loss', 'command_timeout']);
 
@@ -89,6 +90,7 @@ export class Timeline {
 
   seek(time) {
     this.moved = performance.now();
+    if (Math.abs(time - this.time) > JUMP) this.drawing.forget();
     this.time = Math.min(this.last, Math.max(this.first, time));
     this.label();
   }
