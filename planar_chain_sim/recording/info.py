@@ -88,13 +88,13 @@ def _of_log(path: Path, index: LogIndex) -> Iterator[tuple[str, str]]:
 
 def _of_bag(bag: Bag) -> Iterator[tuple[str, str]]:
     """Yield what a bag of the node tells: not its chain, method and ticks; it is read to its end."""
-    counts: Counter = Counter()   # messages by topic
+    counts: Counter = Counter()   # messages by topic and type
     kinds: Counter = Counter()    # of events
     seconds, names, first, last = 0.0, (), 0, 0
     states: dict = {}             # topic of states -> when they were received, ns
     for message in bag.messages:
         first, last = first if counts else message.log_time, message.log_time
-        counts[message.topic] += 1
+        counts[message[:2]] += 1
         if message.type_name == STATE and not message.topic.endswith('/joint_commands'):
             if message.topic not in states:
                 states[message.topic], names = array('Q'), _joints(message.data) or names
@@ -111,8 +111,8 @@ def _of_bag(bag: Bag) -> Iterator[tuple[str, str]]:
     yield 'ticks', f'unknown; states received: {_list({topic: len(each) for topic, each in states.items()})}'
     yield 'method', 'unknown: a bag does not tell it'
     yield 'joints', _names(names)
-    own = {*states, *(topic for topic in counts if topic.endswith('/events'))}
-    yield 'received', _list({topic: count for topic, count in sorted(counts.items()) if topic not in own})
+    yield 'received', _list({topic: count for (topic, type_name), count in sorted(counts.items())
+                             if type_name in INPUT_TYPES and topic not in states})
     yield from _events(dict(kinds.most_common()), '')
     gaps = [f'{seconds:.3g} s of wall time dropped'] if seconds else []
     gaps += [f'{np.diff(np.array(each, np.int64)).max() * 1e-9:.3g} s at most between two states on {topic}'

@@ -8,7 +8,7 @@ import pytest
 
 import planar_chain_sim as pcs
 from planar_chain_sim.recording import info
-from planar_chain_sim.recording.cdr import encode_float64_multi_array, JointStateLayout
+from planar_chain_sim.recording.cdr import encode_float64_multi_array, encode_string, JointStateLayout
 from planar_chain_sim.recording.events import encode_command, encode_event
 from planar_chain_sim.recording.log_reader import read_log
 from planar_chain_sim.recording.log_writer import LogWriter
@@ -92,6 +92,8 @@ def test_ten_lines_on_a_bag(live, tmp_path, capsys, plugin):
     rosbag2 = pytest.importorskip('rosbags.rosbag2')
     from oracles.bags import write_bag
     messages = list(read_log(live).messages)
+    messages.append(messages[0]._replace(topic='/robot_description', type_name='std_msgs/msg/String',
+                                         data=encode_string('<robot/>')))   # which the node publishes
     bag = write_bag(tmp_path / 'bag', {message.topic: message.type_name for message in messages},
                     [message[:1] + (message.log_time, message.data) for message in messages],
                     getattr(rosbag2.StoragePlugin, plugin), rosbag2.CompressionMode.NONE)
