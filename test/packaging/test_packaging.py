@@ -125,7 +125,8 @@ def test_kernel_and_modules_come_from_the_workspace(workspace):
     for place in places.stdout.split():
         assert workspace in Path(place).resolve().parents
     package = Path(places.stdout.split()[0]).parent
-    for beside in ('py.typed', '__init__.pyi', 'ros/fast_dds.xml'):
+    page = (path.relative_to(ROOT / NAME) for path in (ROOT / NAME / 'view/page').iterdir())
+    for beside in ('py.typed', '__init__.pyi', 'ros/fast_dds.xml', *page):
         assert (package / beside).read_text() == (ROOT / NAME / beside).read_text()
 
 

@@ -1,7 +1,12 @@
 """The page of a robot in ROS: what it shows, and what it changes as read back over real DDS."""
 import asyncio
+from contextlib import suppress
 import json
+import os
+import shlex
 import signal
+import subprocess
+import sys
 from time import monotonic
 
 import numpy as np
@@ -259,3 +264,38 @@ def test_a_robot_that_only_says_what_it_is_and_where(robot):
         view.stop()
     for publisher in (descriptions, *states, wrenches):
         node.destroy_publisher(publisher)
+
+
+ROOT = CONFIG.parent
+
+
+def test_make_run_starts_simulator_and_page_and_ctrl_c_ends_both(tmp_path):
+    """The Makefile's own line, with executables of these sources; the page finds the arm in its namespace."""
+    folder = subprocess.run('pwd | cksum', shell=True, cwd=ROOT, capture_output=True, text=True).stdout.split()[0]
+    (tmp_path / f'run-ready-{folder}').touch()
+    (tmp_path / 'bin').mkdir()
+    for name, module in (('simulator', 'ros.node'), ('view', 'view.command_line')):
+        (tmp_path / 'bin' / name).write_text(
+            f'#!/bin/sh\nexport PYTHONPATH={shlex.quote(os.pathsep.join(sys.path))} PYTHONUNBUFFERED=1\n'
+            f'exec {shlex.quote(sys.executable)} -m planar_chain_sim.{module} "$@"\n')
+        (tmp_path / 'bin' / name).chmod(0o755)
+    run = ['make', 'run', f'VENV={tmp_path}', 'ARGS=double_pendulum.yaml --ros-args -r __ns:=/made -p rate:=500.0']
+    assert '--beside' not in subprocess.run([*run, 'VIEW=0', '-n'], cwd=ROOT, capture_output=True, text=True).stdout
+    made = subprocess.Popen(run, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+                            start_new_session=True)
+    try:
+        address = next(line for line in made.stdout if 'the arm is at' in line).split()[-1]
+
+        async def look():
+            async with Page(address) as page:
+                first = await page.until(lambda arm: page.status['name'] == '/made/simulator')
+                await page.until(lambda arm: arm['head'][0] > first['head'][0])
+                return page.scene[0]['name']
+        assert asyncio.run(look()) == 'double_pendulum'
+        os.killpg(made.pid, signal.SIGINT)
+        rest = made.stdout.read()   # up to the end of both
+        assert 'Traceback' not in rest, rest
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(made.pid, signal.SIGKILL)
+        made.wait()
