@@ -19,7 +19,7 @@ from ..errors import ChainError, Mistake
 from ..mechanics.body_poses import body_poses
 from ..mechanics.loads import with_payload, Wrench
 
-PERIOD, HOLDING_PERIOD = 0.02, 0.01   # s between two turns, and while a page holds something
+PERIOD, HOLDING_PERIOD = 0.05, 0.01   # s between two turns, and while a page holds something
 STALE = 2.5     # s without a state after which the page says so; a paused node sends one a second
 SETTINGS = ('gravity', 'damping', 'real_time_factor', 'payload_mass')
 CONTROLS = ('pause', 'step', 'reset', 'effort', 'pull', *SETTINGS)

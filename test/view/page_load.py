@@ -1,5 +1,5 @@
 """
-Measure what pages cost the node: ticks dropped and lateness, from its own log, without a page and with many.
+Measure what pages cost the node: ticks dropped, lateness, from its own log, and CPU time, without a page and with many.
 
     python test/view/page_load.py --seconds 60 --pages 10
 
@@ -8,6 +8,7 @@ Each page asks for a frame as soon as it has one, at most 60 times a second; one
 from argparse import ArgumentParser
 import asyncio
 from multiprocessing import Process
+import os
 from pathlib import Path
 import signal
 import subprocess
@@ -30,7 +31,8 @@ def main():
     parser.add_argument('--seconds', type=float, default=60.0)
     parser.add_argument('--pages', type=int, default=10)
     options = parser.parse_args()
-    print(f'{"":30}{"ticks":>8}{"dropped, s":>12}{"lateness: median":>18}{"p99":>10}{"largest":>10}   ms')
+    print(' ' * 33 + 'ticks  dropped  lateness: median     p99  largest   CPU: node    view')
+    print(' ' * 46 + 's                ms      ms       ms           %       %')
     for name, viewed, pages in (('no view', False, 0), ('view, no page', True, 0),
                                 (f'{options.pages} pages and a hung one', True, options.pages)):
         with TemporaryDirectory() as folder:
@@ -39,6 +41,7 @@ def main():
 
 def run(name, viewed, pages, seconds, path):
     """Run the node for so long and print a row."""
+    begun = time.monotonic()
     node = subprocess.Popen([sys.executable, '-m', 'planar_chain_sim.ros.node', '--ros-args', '-p', f'record:={path}'],
                             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     view = View('--port', '0') if viewed else None
@@ -46,14 +49,21 @@ def run(name, viewed, pages, seconds, path):
     if crowd:
         crowd.start()
     time.sleep(BEGINNING + seconds)
-    for each in (crowd, view and view.popen):
-        if each:
-            each.terminate()
-    node.send_signal(signal.SIGINT)
-    node.wait()
+    if crowd:
+        crowd.terminate()
+    share = [ended(process) / (time.monotonic() - begun) for process in (node, *([view.popen] if view else []))]
     late, dropped = lateness(path)
     times = 1e3 * np.array([*np.quantile(late, (0.5, 0.99)), late.max()])
-    print(f'{name:30}{len(late):8}{dropped:12g}{times[0]:18.2f}{times[1]:10.2f}{times[2]:10.2f}')
+    print(f'{name:30}{len(late):8}{dropped:9g}{times[0]:18.2f}{times[1]:8.2f}{times[2]:9.2f}'
+          f'{100 * share[0]:12.1f}' + ''.join(f'{100 * each:8.1f}' for each in share[1:]), flush=True)
+
+
+def ended(process):
+    """End a process as by Ctrl-C and return the CPU time that it has taken, s."""
+    process.send_signal(signal.SIGINT)
+    _, status, usage = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    return usage.ru_utime + usage.ru_stime
 
 
 def look(address, count):
