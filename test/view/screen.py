@@ -27,7 +27,10 @@ class Screen:
         return self.browser.get_log('browser')
 
     def click(self, name):
-        self.browser.find_element('id', name).click()
+        """Click a button of this id as soon as it can be pressed."""
+        button = self.browser.find_element('id', name)
+        until(button.is_enabled)
+        button.click()
 
     def arm(self):
         """Return the first arm as it is drawn."""
