@@ -207,7 +207,7 @@ class BagRun(Following):
             self.notes.append(f'Time stood still {counted(int(less.sum()), "time")}: stamps went on, joints did not.')
         lost = int(np.maximum(states - 1, 0)[~less].sum())
         if lost:
-            self.notes.append(f'{counted(lost, "state")} are missing.')
+            self.notes.append(f'Missing: {counted(lost, "state")}.')
         return step
 
     @property
