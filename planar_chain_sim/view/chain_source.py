@@ -31,7 +31,7 @@ class ChainSource(Source):
     """
     Simulates a chain file in a thread of its own, from start() to close(). ChainError: a bad file at the beginning.
 
-    Later a bad file leaves the arm as it is, with the sentence in the status.
+    If it becomes bad later, the arm stays as it is and the status has the error.
     """
 
     kind = 'chain'
@@ -81,7 +81,7 @@ class ChainSource(Source):
             self._ask(lambda: self._pause(action['value']))
         elif do == 'step':
             if not self._paused:
-                raise Mistake('one step can be made only while paused')
+                raise Mistake('one tick can be made only while paused')
             self._ask(self._step)
         elif do == 'reset':
             self._ask(self._reset)
@@ -94,7 +94,7 @@ class ChainSource(Source):
         self._wake.set()
 
     def _setting(self, name: str, value: Any) -> Callable[[], None]:
-        """Return what sets a value; Mistake: an impossible one."""
+        """Return a function that sets a value; Mistake: the value is impossible."""
         if name in QUANTITIES:
             try:
                 changed_chain(self._simulation.chain, name, _floats(value))
@@ -253,7 +253,7 @@ class ChainSource(Source):
         self.events.say({'tick': self._simulation.tick, 'kind': kind, 'data': data})
 
     def _looked(self) -> Optional[tuple]:
-        """Return what changes with the file; None if there is no file."""
+        """Return time, size and inode of the file; None if there is no file."""
         try:
             found = self._path.stat()
         except OSError:
@@ -261,7 +261,7 @@ class ChainSource(Source):
         return found.st_mtime_ns, found.st_size, found.st_ino
 
     def _follow_file(self) -> None:
-        """Take the file over where it has changed."""
+        """Load the file if it has changed."""
         stamp = self._looked()
         if stamp == self._stamp:
             return

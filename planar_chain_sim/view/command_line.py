@@ -18,17 +18,17 @@ NEEDS = 'view needs aiohttp, which `pip install aiohttp` installs'
 MAGIC = b'\x89MCAP'     # at the beginning of a log
 BESIDE = '--beside'
 NICE = 5
-PARENT_PERIOD = 0.2   # s between two looks whether the simulator is still there
+PARENT_PERIOD = 0.2   # s between two checks that the simulator still runs
 DESCRIPTION = """\
 Show an arm in the browser, move it with the mouse, and see its motion, energy and events.
 
-With a chain file it is simulated here, without ROS, and changes of the file are followed. A log is played, two logs are
-laid over one another. Without either the page shows the robot that publishes robot_description and joint_states in ROS;
-host and port are then parameters too. Ctrl-C ends it with exit code 0."""
+A chain file is simulated here, without ROS, and read again when it changes. A log is played; two logs are laid over one
+another. Without a file the page shows the robot that publishes robot_description and joint_states in ROS; host and port
+are then parameters too. Ctrl-C ends it with exit code 0."""
 
 
 class Place(NamedTuple):
-    """Where the page is; `chosen`: the user has chosen the port."""
+    """Where the page is. `chosen`: whether the user has chosen the port."""
 
     host: str = HOST
     port: int = PORT
@@ -44,12 +44,13 @@ def _parser() -> Parser:
     parser = Parser('view', DESCRIPTION, 'view four_link_robot.yaml')
     parser.add_argument('sources', metavar='CHAIN|LOG', nargs='*', help='chain file (YAML, URDF or MJCF) to simulate; '
                         'or one or two logs')
-    parser.add_argument('--port', type=int, metavar='N', help='of the page; 0: any that is free (default: '
-                        f'{PORT}, or any where that is in use)')
-    parser.add_argument('--host', metavar='H', help="address to listen on; on any but this machine's own the page "
+    parser.add_argument('--port', type=int, metavar='N', help='port of the page; 0: any that is free (default: '
+                        f'{PORT}, or any if that is in use)')
+    parser.add_argument('--host', metavar='H', help='address to listen on; if other machines can reach it, the page '
                         f'needs the token that is in its address (default: {HOST})')
-    parser.add_argument(BESIDE, nargs='...', metavar='ARGUMENT', help='first of all arguments: show the simulator that '
-                        'was started with these, and end with the process that has started this one, as in `make run`')
+    parser.add_argument(BESIDE, nargs='...', metavar='ARGUMENT', help='must come first: show the simulator that was '
+                        'started with these arguments, and end when the process that started this one ends; `make run` '
+                        'uses it')
     add_hold(parser)
     return parser
 
@@ -100,11 +101,11 @@ def _is_log(path: str) -> bool:
         with open(path, 'rb') as stream:
             return stream.read(len(MAGIC)) == MAGIC
     except OSError:
-        return path.endswith('.mcap')   # which will say what is wrong with it
+        return path.endswith('.mcap')   # reading it will say what is wrong
 
 
 def remappings(arguments: Sequence[str]) -> list:
-    """Return of a simulator's arguments those that say where its topics are, for a node of another name."""
+    """Return those of a simulator's arguments that remap its topics, for a node of another name."""
     from ..ros.process import split_arguments
     _, ros = split_arguments(arguments)
     found = []
@@ -170,7 +171,7 @@ async def _serve(server_class: Any, source: Source, place: Place, parent: Option
             except asyncio.TimeoutError:
                 pass
     finally:
-        source.close()   # first: what pages hold is let go
+        source.close()   # first, so that pulls and efforts of pages end
         await server.stop()
     if errors:
         raise errors[0]

@@ -11,7 +11,7 @@ from ..errors import Mistake
 from ..mechanics.body_poses import body_poses, body_velocities, jacobian
 from ..mechanics.dynamics import mass_matrix
 
-PATIENCE = 0.5       # s after which a page that says nothing has let go
+PATIENCE = 0.5       # s after which an effort or a pull ends that a page has not renewed
 FREQUENCY = 12.0     # rad/s of the lightest mass that a pull can meet, on its spring
 DAMPING = 0.7        # of that, relative to the critical one
 STRONGEST = 20.0     # N per kg of the whole arm: twice its weight
@@ -46,9 +46,9 @@ class Pull(NamedTuple):
 
 def make_pull(chain: Chain, position: np.ndarray, body: str, point: complex, to: complex) -> Pull:
     """
-    Return a pull whose spring suits the mass that it meets there: soft enough for the lightest direction.
+    Return a pull of `point`, m in the body's frame, to `to`, m in the plane; `position` (joints,), rad or m.
 
-    Mistake: the point cannot move.
+    Its spring suits the mass that it meets in the lightest direction. Mistake: the point cannot move.
     """
     moves = jacobian(chain, position, body, (point.real, point.imag))[:2]
     if not moves.any():
@@ -82,7 +82,11 @@ class Grips:
 
     def pull(self, page: Any, chain: Chain, position: np.ndarray, body: str, point: Sequence[float],
              to: Sequence[float]) -> None:
-        """Hold a point of a body by a spring for a while; Mistake: no such body, or it cannot move."""
+        """
+        Pull `point`, m in the body's frame, by a spring to `to`, m in the plane, for a while.
+
+        Mistake: no such body, or it cannot move.
+        """
         if body not in chain.body_index:
             raise Mistake(f'{body!r:.80} is no body of {chain.name}')
         place, aim = complex(*point), complex(*to)
@@ -105,7 +109,7 @@ class Grips:
         self._pulls.clear()
 
     def efforts(self) -> dict[str, float]:
-        """Return the efforts that are held, by joint."""
+        """Return the efforts that are held, by joint, N m or N."""
         now = monotonic()
         return {joint: value for joint, (_, value, until) in list(self._efforts.items()) if until > now}
 

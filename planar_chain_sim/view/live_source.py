@@ -92,7 +92,7 @@ class LiveSource(Source):
             return
         wanted = action['name'] if do == 'set' else do
         if chain is None or wanted not in robot.abilities or do == 'set' and wanted not in SETTINGS:
-            raise Mistake(f'this robot does not take {wanted!r:.80}')
+            raise Mistake(f'this robot does not offer {wanted!r:.80}')
         if do == 'effort':
             self._grips.hold(page, chain, action['joint'], action['value'])
         elif do == 'pull':
@@ -173,7 +173,7 @@ class LiveSource(Source):
         return chain if _says_the_same(chain, described) else None
 
     def _hear(self, event: Mapping[str, Any]) -> None:
-        """Take in an event of the robot."""
+        """Note an event of the robot."""
         kind, data = event['kind'], event['data']
         self.events.say(event)
         try:

@@ -53,7 +53,7 @@ class LogSource(Source):
         torn = [log.path.name for log in self._logs if not log.complete]
         sentence = f'{first.last_time - first.first_time:.3f} s in ticks of {1e3 * first.settings["step"]:g} ms'
         if torn:
-            sentence += f'; {" and ".join(torn)} was not closed properly, it ends with the last whole part'
+            sentence += f'; {" and ".join(torn)} was not closed properly and is shown up to its last whole part'
         self.status = {
             'sentence': sentence + self._said, 'fault': False, 'paused': True, 'name': str(first.path), 'can': [],
             'values': {},
@@ -139,7 +139,7 @@ class LogSource(Source):
                 return found[0 if forward else -1]
             if monotonic() > until:
                 raise Mistake(f'no event {"up to" if forward else "down to"} '
-                              f'{max(log.first_time, begin) if not forward else end:.3f} s, the search goes no farther')
+                              f'{max(log.first_time, begin) if not forward else end:.3f} s, where the search ended')
             span *= 2.0
         return None
 
@@ -164,7 +164,7 @@ class LogSource(Source):
                 self.complaints.say(str(error))
 
     def _follow(self, index: int, event: Mapping[str, Any]) -> None:
-        """Take in what an event changes about what is drawn."""
+        """Note how an event changes what is drawn."""
         changes, kind, data = self._changes[index], event['kind'], event['data']
         _, scene, wrenches = changes[-1]
         if kind == 'wrench':

@@ -1,5 +1,5 @@
 """
-What the page and the program say to each other: the format, and the numbers of an arm in it.
+The messages between the page and the program, and the numbers of an arm in them.
 
 All goes over one WebSocket. The page asks, the program answers; nothing is sent unasked, so nothing piles up for a page
 that is slow or hangs.

@@ -1,4 +1,4 @@
-"""Serves the page and its WebSocket to browsers, and to nobody else."""
+"""Serves the page and its WebSocket to browsers. Other hosts, other web pages and a wrong token are refused."""
 from __future__ import annotations
 
 import asyncio
@@ -23,15 +23,16 @@ LOOPBACK = ('127.0.0.1', 'localhost', '::1')
 MOST_PAGES = 64
 LONGEST = 4096          # bytes that a page may send at once
 QUIET = 30.0            # s between two signs of life
-LAST_WORDS = 1.0        # s that a page has to say good-bye
+LAST_WORDS = 1.0        # s that a page has to close its connection
+PAIR = 'list of two numbers'
 ACTIONS: Mapping[str, Mapping[str, str]] = {
-    'frame': {}, 'pause': {'value': 'flag'}, 'step': {}, 'reset': {}, 'release': {},
-    'effort': {'joint': 'name', 'value': 'number or null'},
-    'pull': {'body': 'name', 'point': 'place', 'to': 'place'},
-    'set': {'name': 'name', 'value': 'number or numbers'},
+    'frame': {}, 'pause': {'value': 'boolean'}, 'step': {}, 'reset': {}, 'release': {},
+    'effort': {'joint': 'string', 'value': 'number or null'},
+    'pull': {'body': 'string', 'point': PAIR, 'to': PAIR},
+    'set': {'name': 'string', 'value': 'number or list of numbers'},
     'series': {'begin': 'number', 'end': 'number', 'count': 'number'},
-    'event': {'time': 'number', 'forward': 'flag'},
-    'trail': {'body': 'name', 'point': 'place', 'begin': 'number', 'end': 'number'}}
+    'event': {'time': 'number', 'forward': 'boolean'},
+    'trail': {'body': 'string', 'point': PAIR, 'begin': 'number', 'end': 'number'}}
 ANSWERED = ('series', 'event', 'trail')   # at once, beside the frames
 HOST = re.compile(r'(\[[0-9a-fA-F:.]+\]|[^:\[\]]+)(:\d{1,5})?')
 
@@ -157,7 +158,8 @@ class Server:
         except Mistake as error:
             frame, told.refused = None, str(error)
         now = monotonic()
-        told.next = max(begun + SHORTEST, now + SHARE * (now - begun) * (self._source.kind != 'log'))   # no tick waits
+        # a log has no ticks that wait
+        told.next = max(begun + SHORTEST, now + SHARE * (now - begun) * (self._source.kind != 'log'))
         for news in told.news(self._source):
             await page.send_str(as_json(news))
         await page.send_bytes(frame or b'')
@@ -176,7 +178,7 @@ class Server:
 
 
 class _Told:
-    """What one page has been told; `next`: when it may have its next frame."""
+    """What one page has been told. `next`: when its next frame may be sent, s of monotonic()."""
 
     def __init__(self, source: Source) -> None:
         self.next, self.refused = 0.0, ''
@@ -207,7 +209,7 @@ class _Told:
 
 
 def as_json(message: Any) -> str:
-    """Return a message as JSON; a number that is not finite becomes a text, as JSON has none."""
+    """Return a message as JSON; a number that is not finite becomes a string, because JSON has none."""
     try:
         return json.dumps(message, allow_nan=False)
     except ValueError:
@@ -227,7 +229,7 @@ def checked(text: str) -> dict:
     try:
         action = json.loads(text, parse_constant=_no_number)
     except (ValueError, RecursionError):
-        raise Mistake('the page has sent something that is no JSON') from None
+        raise Mistake('the page has sent a message that is not JSON') from None
     do = action.get('do') if isinstance(action, dict) else None
     if not isinstance(do, str) or do not in ACTIONS:
         raise Mistake(f'the page asks for {do!r:.80}, must be one of {", ".join(ACTIONS)}')
@@ -244,17 +246,17 @@ def _no_number(name: str) -> None:
 
 
 def _value(key: str, value: Any, wanted: str) -> Any:
-    """Return a value of an action in its type; Mistake: another one."""
-    if wanted == 'flag' and isinstance(value, bool):
+    """Return a value of an action; Mistake: it is not of the type that is wanted."""
+    if wanted == 'boolean' and isinstance(value, bool):
         return value
-    if wanted == 'name' and isinstance(value, str):
+    if wanted == 'string' and isinstance(value, str):
         return value
     if wanted.startswith('number') and _is_number(value):
         return float(value)
     if wanted == 'number or null' and value is None:
         return None
-    if wanted in ('place', 'number or numbers') and isinstance(value, list) and all(map(_is_number, value)) and (
-            len(value) == 2 or wanted != 'place'):
+    if wanted in (PAIR, 'number or list of numbers') and isinstance(value, list) and all(map(_is_number, value)) and (
+            len(value) == 2 or wanted != PAIR):
         return [float(each) for each in value]
     raise Mistake(f'{key!r} is {value!r:.80}, must be a {wanted}')
 

@@ -11,12 +11,12 @@ from ..errors import Mistake
 
 SHORTEST = 0.008   # s between two frames
 SHARE = 4          # a frame that took long to make is made again after so many times as long
-KEPT = 2000   # events, for pages that come or look later
+KEPT = 2000   # events, for pages that open later
 REPEATED = ('command', 'wrench')   # kinds that may come at every tick: of those in a row the last is kept
 
 
 class Shown(NamedTuple):
-    """The arms that are shown, and a number that is another one as soon as what a page knows of them is outdated."""
+    """The arms that are shown, as scenes and as the page gets them; `revision` grows when they change."""
 
     revision: int
     scenes: tuple[Scene, ...]
@@ -24,7 +24,7 @@ class Shown(NamedTuple):
 
 
 class Drawn(NamedTuple):
-    """A frame that all pages get that ask for one by then, by monotonic()."""
+    """A frame, which every page gets that asks for one before `until`, s of monotonic()."""
 
     shown: Shown
     frame: bytes
@@ -35,7 +35,7 @@ class Source:
     """
     One thing to look at, for any number of pages.
 
-    kind: 'chain', 'live' or 'log'. shown: its arms, `status`: what the page says beside; both are replaced as a whole.
+    kind: 'chain', 'live' or 'log'. shown: its arms. status: what else the page shows. Both are replaced as a whole.
     Its methods are called in the thread of the server; a source may have a thread of its own that replaces what they
     read.
     """
@@ -62,7 +62,7 @@ class Source:
         self._thread.start()
 
     def close(self) -> None:
-        """End; what pages hold is let go before."""
+        """End, after the pulls and efforts of all pages."""
         self._stopping = True
         if self._thread:
             self._thread.join()
@@ -107,14 +107,14 @@ class Source:
 
 
 class Kept:
-    """The last of the things that were said, for readers that come when they like; any thread may use it."""
+    """The last KEPT things that were said, for readers that ask from time to time; any thread may use it."""
 
     def __init__(self) -> None:
         self.count = 0
         self._kept: deque = deque(maxlen=KEPT)   # (number, what)
 
     def say(self, what: Any) -> None:
-        """Say something."""
+        """Add something; of several events of a REPEATED kind in a row the last is kept."""
         last = self._kept[-1] if self._kept else None
         if last and isinstance(what, dict) and what['kind'] in REPEATED and last[1]['kind'] == what['kind']:
             self._kept.pop()

@@ -254,7 +254,7 @@ def test_a_robot_that_only_says_what_it_is_and_where(robot):
             await page.say('effort', joint='hinge', value=1.0)
             await page.say('pause', value=True)
             await shown(lambda arms: len(page.refused) > 0)
-            assert page.status['can'] == [] and page.refused[-1] == "this robot does not take 'pause'"
+            assert page.status['can'] == [] and page.refused[-1] == "this robot does not offer 'pause'"
             descriptions.publish(String(data=URDF.format(place='1', more='')))   # another robot
             await shown(lambda arms: arms and abs(arms[0]['bodies'][rod, 0] - 1.0) < 1e-9)
             descriptions.publish(String(data=URDF.format(place='1', more=MORE)))   # which is not planar

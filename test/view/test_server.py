@@ -181,6 +181,7 @@ def test_a_port_in_use_is_one_sentence(address):
         assert view.end() == 2
     assert view.lines == [f'view: port {port} is in use, give another one with --port, 0 for any']
     with socket.socket() as taken:
+        taken.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)   # as when old connections linger
         try:
             taken.bind(('127.0.0.1', 8080))
             taken.listen()

@@ -4,8 +4,8 @@ import {short} from './drawing.js';
 
 const REPEAT = 100;   // ms between two signs that a slider is still held
 const WHY = {
-  chain: 'this cannot be changed here', log: 'a log is past and cannot be changed',
-  live: 'this robot offers no way to change this', '': 'there is nothing to change yet'};
+  chain: 'this is not offered here', log: 'the run in a log cannot be changed',
+  live: 'this robot does not offer this', '': 'no arm is shown yet'};
 
 export class Controls {
   // send(what, values); places: elements for joints and settings
@@ -43,7 +43,7 @@ export class Controls {
       this.setting('gravity', 'gravity, m/s²', {min: -20, max: 20, step: 0.01},
                    (values) => values[1], (value, values) => [values[0], value]),
       this.setting('real_time_factor', 'real-time factor', {min: 0.05, max: 4, step: 0.05}),
-      this.setting('damping', 'damping, × own', {min: 0, max: 10, step: 0.1},
+      this.setting('damping', 'damping, × initial', {min: 0, max: 10, step: 0.1},
                    (values) => this.dampingFactor(values), (value) => this.ownDamping.map((each) => each * value)),
       this.setting('payload_mass', 'payload, kg', {min: 0, max: 10, step: 0.05}));
     this.tell(this.status);
@@ -127,7 +127,7 @@ export class Controls {
       const {needs} = each.dataset, can = status.can.includes(needs), wait = needs === 'step' && !status.paused;
       each.dataset.title ??= each.title;
       each.disabled = !can || wait;
-      each.title = !can ? WHY[this.source] : wait ? 'one step can be made while paused' : each.dataset.title;
+      each.title = !can ? WHY[this.source] : wait ? 'one tick can be made only while paused' : each.dataset.title;
     }
     if (!status.can.includes('effort')) this.held.clear();
     for (const [name, {row, slider, output, read}] of this.values) {

@@ -7,7 +7,7 @@ const WORDS = {
   command: 'command', reset: 'reset', state: 'state set', parameter: 'parameter set', payload: 'payload', wrench: 'wrench',
   pause: 'paused', resume: 'goes on', step: 'one tick', rejected: 'message refused', ignored: 'message without effect',
   controller_loss: 'controller gone', command_timeout: 'no commands', dropped_time: 'time dropped',
-  held_up: 'held up', divergence: 'ran away', stopped: 'stopped', stop_touched: 'stop touched', stop_left: 'stop left',
+  held_up: 'publishing held up', divergence: 'ran away', stopped: 'stopped', stop_touched: 'stop touched', stop_left: 'stop left',
   stuck: 'stuck', slipped: 'slips', log_failure: 'log fails'};
 const BAD = new Set(['rejected', 'ignored', 'controller_loss', 'command_timeout', 'dropped_time', 'divergence',
                      'stopped', 'log_failure']);

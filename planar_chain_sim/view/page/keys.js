@@ -13,11 +13,11 @@ export const KEYS = [
   [['>'], '>', 'faster', 'log', 'faster'],
   [['l'], 'l', 'loop', 'log', 'loop'],
   [['r'], 'r', 'back to the initial state', '', 'reset'],
-  [['['], '[', 'choose the joint before', '', 'before'],
+  [['['], '[', 'choose the previous joint', '', 'before'],
   [[']'], ']', 'choose the next joint', '', 'after'],
-  [['ArrowUp'], '↑', 'effort in it while held', '', 'more'],
-  [['ArrowDown'], '↓', 'the other way', '', 'less'],
-  [['0'], '0', 'no effort in it while held', '', 'zero'],
+  [['ArrowUp'], '↑', 'positive effort in the chosen joint while held', '', 'more'],
+  [['ArrowDown'], '↓', 'negative effort in the chosen joint while held', '', 'less'],
+  [['0'], '0', 'no effort in the chosen joint while held', '', 'zero'],
   [['h'], 'h', 'hold the charts', '', 'hold'],
   [['f'], 'f', 'fit the arm into the picture', '', 'fit'],
   [['+', '='], '+', 'zoom in', '', 'closer'],
@@ -26,8 +26,8 @@ export const KEYS = [
   [['?'], '?', 'this help', '', 'help'],
   [[], 'drag a body', 'pull it with a spring', '', ''],
   [[], 'click a body', 'draw the trail of that point', '', ''],
-  [[], 'drag beside', 'move the picture; on a small screen two fingers do', '', ''],
-  [[], 'wheel', 'zoom; two fingers do, too', '', '']];
+  [[], 'drag beside the arm', 'move the picture; on a small screen with two fingers', '', ''],
+  [[], 'wheel', 'zoom; also with two fingers', '', '']];
 const HELD = new Set(['more', 'less', 'zero']);
 
 export class Keys {

@@ -47,7 +47,7 @@ const connection = new Connection({
       if (view.status) say(view.status.sentence, view.status.fault);
       return;
     }
-    say(word === 'lost' ? 'no connection to view: it has ended, or is starting again; trying' :
+    say(word === 'lost' ? 'no connection: view has ended or is starting again; trying to connect' :
       'view does not answer', true);
     controls.letGo();
     if (word === 'silent') return;
@@ -106,7 +106,7 @@ function show(scene, revision, source) {
   controls.show(scene, source);
   element('arm').setAttribute('aria-label', `drawing of ${scene[0].name}, ${scene[0].joints.length} joints`);
   element('trail').replaceChildren(...trailChoices(scene[0]).map(({body, point, text}) => new Option(text, `${body}:${point}`)),
-                                   new Option('the point clicked', 'point'));
+                                   new Option('the clicked point', 'point'));
   showTrail();
 }
 
@@ -191,7 +191,7 @@ element('trail').onchange = ({target}) => {
   const [body, point] = target.value.split(':');
   if (point) chooseTrail({body: Number(body), point});
 };
-element('trail-length').replaceChildren(...LENGTHS.map((length) => new Option(length ? `${length} s` : 'no time', length)));
+element('trail-length').replaceChildren(...LENGTHS.map((length) => new Option(length ? `${length} s` : 'no trail', length)));
 element('trail-length').value = drawing.trailLength;
 element('trail-length').onchange = ({target}) => {
   drawing.trailLength = Number(target.value);

@@ -36,7 +36,7 @@ export class Timeline {
     for (const each of document.querySelectorAll('.log')) each.hidden = !active;
     element('timeline').hidden = !active;
     element('step').textContent = active ? '›' : 'Step';
-    element('step').setAttribute('aria-label', active ? 'one tick on' : 'one tick');
+    element('step').setAttribute('aria-label', active ? 'one tick forward' : 'one tick');
     element('reset').textContent = active ? 'Start' : 'Reset';
     this.marks = [];
     this.asked = null;
