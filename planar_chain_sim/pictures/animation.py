@@ -22,6 +22,7 @@ from ..recording.seekable_log import SeekableLog
 KINDS = {'.gif': (GIF_EVERY, 3e8), '.mp4': (MP4_EVERY, 1e6), '.svg': (EVERY, 1e5), '.html': (EVERY, 1e5)}
 LARGEST = 4000       # px
 SHORTEST, FASTEST = 1e-6, 1e6
+LONGEST_TRAIL = 1e6   # s
 MOST_FRAMES, MOST_ROWS = 200_000, 2_000_000
 
 
@@ -63,9 +64,10 @@ def _animate(arguments) -> int:
         raise Mistake(f'--speed is {options.speed:g}, must be from {SHORTEST:g} to {FASTEST:g}')
     if options.duration is not None and not 0.0 < options.duration < np.inf:
         raise Mistake(f'--duration is {options.duration:g} s, must be a positive number of seconds')
-    for name, value in (('--from', options.start), ('--trail', options.trail)):
-        if not 0.0 <= value < np.inf:
-            raise Mistake(f'{name} is {value:g} s, must be a number of seconds that is not negative')
+    if not 0.0 <= options.start < np.inf:
+        raise Mistake(f'--from is {options.start:g} s, must be a number of seconds that is not negative')
+    if not 0.0 <= options.trail <= LONGEST_TRAIL:
+        raise Mistake(f'--trail is {options.trail:g} s, must be from 0 to {LONGEST_TRAIL:g}')
     refuse_existing(path)
     source, position, look = _motion(options, kind)
     from tqdm import tqdm

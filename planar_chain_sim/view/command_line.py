@@ -180,6 +180,8 @@ async def _serve(server_class: Any, source: Source, place: Place, parent: Option
 
 async def _started(server_class: Any, source: Source, place: Place) -> Any:
     """Return a server that listens; Mistake: it cannot."""
+    if not place.host:
+        raise Mistake("host is '', must be an address of this machine, 0.0.0.0 for all that it has")
     server = server_class(source, place.host, place.port)
     try:
         await server.start()

@@ -4,6 +4,7 @@ from __future__ import annotations
 import asyncio
 from hmac import compare_digest
 import json
+import logging
 from math import isfinite
 from pathlib import Path
 import re
@@ -13,6 +14,7 @@ from time import monotonic
 from typing import Any, Mapping, Optional
 
 from aiohttp import web, WSMsgType
+from aiohttp.http_exceptions import HttpProcessingError
 
 from .source import KEPT, SHARE, SHORTEST, Source
 from ..errors import Mistake
@@ -34,6 +36,8 @@ ACTIONS: Mapping[str, Mapping[str, str]] = {
     'event': {'time': 'number', 'forward': 'boolean'},
     'trail': {'body': 'string', 'point': PAIR, 'begin': 'number', 'end': 'number'}}
 ANSWERED = ('series', 'event', 'trail')   # at once, beside the frames
+LOGGER = logging.getLogger(__name__)   # of bugs; not of requests that are no HTTP, which get their answer
+LOGGER.addFilter(lambda record: not (record.exc_info and isinstance(record.exc_info[1], HttpProcessingError)))
 HOST = re.compile(r'(\[[0-9a-fA-F:.]+\]|[^:\[\]]+)(:\d{1,5})?')
 
 
@@ -61,7 +65,7 @@ class Server:
         """Listen; OSError: the port is in use, or no such host."""
         app = web.Application(middlewares=[self._guard], client_max_size=LONGEST)
         app.router.add_get('/{path:.*}', self._answer)
-        self._runner = web.AppRunner(app, access_log=None, handle_signals=False)
+        self._runner = web.AppRunner(app, access_log=None, logger=LOGGER, handle_signals=False)
         await self._runner.setup()
         await web.TCPSite(self._runner, self._host, self._port, shutdown_timeout=LAST_WORDS).start()
         self._port = self._runner.addresses[0][1]

@@ -175,6 +175,27 @@ def test_the_end_waits_for_no_page():
     assert len(view.lines) == 1
 
 
+def test_what_is_no_http_gets_its_answer_and_the_terminal_stays_clean():
+    """As from a scanner, or a browser that tries https."""
+    with View('double_pendulum.yaml', '--port', '0') as view:
+        parts = urlsplit(view.address)
+        for text in (b'GET / HTTP/1.1\r\n\r\n', b'GET / HTTP/1.1\r\nHost: ' + 9000 * b'a' + b'\r\n\r\n',
+                     b'GET / HTTP/1.1\r\nHost: a\r\nContent-Length: x\r\n\r\n', b'\x16\x03\x01\x02\x00\r\n\r\n'):
+            with socket.create_connection((parts.hostname, parts.port)) as one:
+                one.sendall(text)
+                assert b' 400 ' in one.recv(4096), text
+        assert get(view.address)[0] == 200
+        view.stop()
+    assert len(view.lines) == 1, view.lines
+
+
+def test_an_empty_host_is_refused():
+    """It would be all addresses, of which the printed one is none."""
+    with View('double_pendulum.yaml', '--host', '', '--port', '0') as view:
+        assert view.end() == 2
+    assert view.lines == ["view: host is '', must be an address of this machine, 0.0.0.0 for all that it has"]
+
+
 def test_a_port_in_use_is_one_sentence(address):
     port = urlsplit(address).port
     with View('double_pendulum.yaml', '--port', port) as view:
