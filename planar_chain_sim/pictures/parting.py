@@ -31,6 +31,8 @@ def draw_parting(joints: Sequence[Joint], time: np.ndarray, differences: np.ndar
         rows.set(title=f'difference of joint {quantity}', yscale='log',
                  xlim=(time[0], max(time[-1], time[0] + 1e-9)))
     if threshold > 0.0:
+        if not differences[:, 0].any():   # there will be only the line
+            axes[0].set_ylim(max(threshold / 10.0, 1e-300), min(threshold * 10.0, 1e300))
         axes[0].axhline(threshold, color=INK, linewidth=0.8, linestyle=':')
     if len(joints) <= MOST:
         drawn.legend(*axes[0].get_legend_handles_labels(), loc='outside upper center', ncols=5)

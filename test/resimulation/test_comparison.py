@@ -232,6 +232,12 @@ def test_a_changed_run_that_stops_is_an_answer(tmp_path, capsys):
     assert said.err.startswith('resimulate: warning: step is 0.001 s, should be below about ')
 
 
+def test_a_picture_of_no_difference_has_the_threshold_alone(swing, tmp_path, capsys):
+    assert resimulation.main([str(swing), '--set', 'gravity.y=-9.81', '--picture', str(tmp_path / 'a.png')]) == 0
+    said = capsys.readouterr()
+    assert 'equal, bit for bit' in said.out and not said.err
+
+
 @pytest.mark.parametrize('ending', ['.png', '.svg', '.pdf'])
 def test_a_picture_of_how_they_part(swing, tmp_path, capsys, ending):
     picture = tmp_path / f'parting{ending}'
