@@ -1,4 +1,4 @@
-"""Energy along a run, and by how much it misses what work and losses say; forces from outside."""
+"""Energy along a run, and its error: what work and losses do not explain; the parts of a run between its changes."""
 from __future__ import annotations
 
 from typing import Iterator, NamedTuple

@@ -17,7 +17,7 @@ from ..errors import Mistake
 from ..recording.seekable_log import SeekableLog
 
 KINDS = ('.png', '.svg', '.pdf')
-STEP, LONGEST = 1e-3, 1e3    # s: of a chain that is let go
+STEP, LONGEST = 1e-3, 1e3    # s: of a chain file
 MOST = 4                     # sources: as many kinds of lines as can be told apart
 
 
@@ -28,17 +28,18 @@ def main(arguments=None) -> int:
 
 def _parser() -> Parser:
     parser = Parser('plot', 'Draw what logs hold, or how chains move from their initial state with no effort, against '
-                    'time. Several are drawn over one another.', 'plot swing.mcap --what position,energy --to 5')
+                    'time. Several files are drawn over one another.', 'plot swing.mcap --what position,energy --to 5')
     parser.add_argument('source', nargs='+', metavar='LOG|CHAIN', help=f'{SOURCE}; at most {MOST}')
     parser.add_argument('--output', metavar='FILE', help=f'new file, {", ".join(KINDS)} (default: the name of the '
                         'first source with .png, in the working directory)')
-    parser.add_argument('--what', metavar='LIST', help=f'what is drawn, joined by commas: {", ".join(WHAT)}, the last '
-                        'of which is the arm at moments of that time (default: all that there is, but arm)')
+    parser.add_argument('--what', metavar='LIST', help=f'what is drawn, joined by commas: {", ".join(WHAT)}; arm is '
+                        'the arm at several moments (default: all that there is, but arm)')
     parser.add_argument('--joints', metavar='LIST', help='names of the joints that are drawn, joined by commas '
                         '(default: all)')
-    parser.add_argument('--from', type=float, dest='start', metavar='S', help='simulated time, s, from which is drawn')
-    parser.add_argument('--to', type=float, dest='end', metavar='S', help='simulated time, s, up to which is drawn '
-                        f'(default: all of a log, {ALONE:g} of a chain)')
+    parser.add_argument('--from', type=float, dest='start', metavar='S', help='simulated time at which the picture '
+                        'begins, s (default: the first of the file)')
+    parser.add_argument('--to', type=float, dest='end', metavar='S', help='simulated time at which the picture '
+                        f'ends, s (default: the last of a log, {ALONE:g} of a chain)')
     add_trace(parser)
     add_hold(parser)
     return parser

@@ -1,4 +1,4 @@
-"""What is drawn: the run in a log, or the motion of a chain that is let go; and which of its points are traced."""
+"""What is drawn: the run in a log, or the motion of a chain with no effort; and which of its points are traced."""
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
@@ -19,7 +19,7 @@ from ..recording.events import EVENTS
 from ..recording.seekable_log import SeekableLog
 
 CHANGING = [name for name, kind in EVENTS.items() if kind.apply]
-ALONE = 8.0     # s: of a chain that is not told how long
+ALONE = 8.0     # s: of a chain without --to or --duration
 SOURCE = 'chain file (YAML, URDF or MJCF), or an MCAP log'
 
 
@@ -28,7 +28,7 @@ class Source:
     """
     A motion as arrays: time (ticks+1,) s, position and velocity (ticks+1, joints), effort (ticks, joints).
 
-    `events`: as of Log; none of a chain that is let go. `step`: s.
+    `events`: as of Log; none of a chain file. `step`: s.
     """
 
     name: str
@@ -56,7 +56,7 @@ def is_log(path: str) -> bool:
 
 
 def no_motion(path: str, first: float, last: float) -> Mistake:
-    """Return the refusal of a part of a run that is no motion."""
+    """Return the Mistake for a part of a run without two states; `first`, `last`: s, what the run holds."""
     return Mistake(f'{clipped(path)!r} has no motion in this time, it holds {first:g} to {last:g} s')
 
 
@@ -84,7 +84,7 @@ def source_of_log(log: SeekableLog, start: float = -inf, end: float = inf) -> So
 
 def add_trace(parser: Parser) -> None:
     """Add `--trace`, for read_trace."""
-    parser.add_argument('--trace', action='append', metavar='BODY[=X,Y]', help='draw the way of the end of this body, '
+    parser.add_argument('--trace', action='append', metavar='BODY[=X,Y]', help='draw the path of the end of this body, '
                         'or of a point in its frame, m; can be given several times (default: the ends of all bodies '
                         'that carry nothing)')
 

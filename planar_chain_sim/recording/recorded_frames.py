@@ -22,7 +22,7 @@ class FrameChannels(NamedTuple):
 
 class RecordedFrames:
     """
-    Writes them into a log of a run with ticks of `step` s.
+    Writes the URDF and the frames into a log of a run with ticks of `step` s.
 
     `urdf`: its text; `frames`: LinkFrames of it. ticks: number of ticks from one message on /tf to the next.
     """
@@ -34,7 +34,7 @@ class RecordedFrames:
         self.channels, self.ticks = channels, max(1, ceil(1.0 / (RATE * step) - 1e-9))
 
     def write_start(self, write: Callable, time: int) -> None:
-        """Write what is latched by the log's `write`; `time`: log time, ns."""
+        """Write the URDF and the fixed frames by the log's `write`; `time`: log time, ns."""
         # Of time 0, as they hold at all times, whichever clock stamps the states.
         static = TransformsLayout(self._fixed.pairs).stamped(0, self._fixed.poses(np.zeros(0)))
         write(self.channels.description.topic, encode_string(self._urdf), time, time)

@@ -1,5 +1,5 @@
 """
-The executable `repair`: writes what is whole of a log that a kill, a full disk or a power cut tore, as a finished log.
+The executable `repair`: writes what is whole of a log that was cut short, by a kill or a full disk, as a finished log.
 
 What is kept is one piece from the beginning: all chunks up to the first damage, and the messages of a chunk that was
 cut which are whole for certain. A log with a gap could not be computed again.

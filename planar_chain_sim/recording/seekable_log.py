@@ -30,7 +30,7 @@ GRID = 1e-6             # ticks: a time this little before a tick counts as at t
 
 class State(NamedTuple):
     """
-    A state of a log. time: s, step * tick. position, velocity, effort: (joints,), rad or m, and so on.
+    A state of a log. time: s, step * tick. Arrays (joints,): position rad or m, velocity rad/s or m/s, effort N m or N.
 
     effort: what the actuators gave over the tick before, as in Simulation.effort.
     """

@@ -1,4 +1,4 @@
-"""TornLog: what is whole of a log that a kill, a full disk or a power cut tore."""
+"""TornLog: what is whole of a log that was cut short, by a kill, a full disk or a power cut."""
 from __future__ import annotations
 
 import os
@@ -163,9 +163,11 @@ class TornLog:
         return ''
 
     def metadata(self, start: int, length: int) -> records.Metadata:
+        """Return the metadata record whose payload of `length` bytes is at byte `start`; LogError: it is damaged."""
         return parse(self._path, records.Metadata, payload_of(self._path, self._file, start, length))
 
     def attachment(self, start: int, length: int) -> records.Attachment:
+        """Return the attachment whose payload of `length` bytes is at byte `start`; LogError: it is damaged."""
         return attachment_of(self._path, payload_of(self._path, self._file, start, length))
 
     def _chunk(self, start: int, content: bytes) -> tuple:

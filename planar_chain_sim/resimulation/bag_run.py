@@ -21,12 +21,12 @@ from ..recording.message_types import MESSAGE_TYPES
 STATE, STRING, WRENCH = 'sensor_msgs/msg/JointState', 'std_msgs/msg/String', 'geometry_msgs/msg/WrenchStamped'
 BESIDE = {'events': STRING, 'wrench': WRENCH, 'commands': 'std_msgs/msg/Float64MultiArray', 'joint_commands': STATE}
 FINE = 1e-3         # s, to which the times of commands are used where states are further apart
-EVEN, UNEVEN = 0.1, 0.1   # of the time between two states, what stamps may be off; of all states, how many may be more
+EVEN, UNEVEN = 0.1, 0.1   # share of the time between states by which stamps may be off; share of stamps that may be more
 STILL = 1e-12       # of the largest square of a velocity: no motion, which tells no time
-JUMP = 0.2          # of a way, what is left when the velocity is taken off, at least, where a reset has set the state
+JUMP = 0.2          # share of a motion that the velocity does not explain, at least, where a reset has set the state
 FAR, MOST, LONG = 5, 200, 5   # states between two events that tell how many ticks that takes; events and pairs asked
 SIMULATED = 10**17  # ns, three years: stamps below are simulated time, others are wall time
-OTHER_PACE = 0.05   # by which stamps run faster or slower than the motion, at least, at another real_time_factor
+OTHER_PACE = 0.05   # relative: the pace of stamps and motion differs at least so much at another real_time_factor
 AFTER_STATE = ('command', 'stop_touched', 'stop_left', 'stuck', 'slipped')   # events that come after the next state
 WINDOW = 50         # states by which events may have come earlier or later than the states beside them
 
@@ -60,7 +60,7 @@ class BagRun(Following):
         try:
             self.simulation.set_state(self._position[0], self._velocity[0])
         except ValueError as error:
-            raise self.error(f'its first state is none of the chain ({error})') from None
+            raise self.error(f'its first state is impossible for the chain ({error})') from None
 
     def states(self) -> Iterator[tuple]:
         """Yield tick and number of each state, and apply the changes between them; LogError."""
@@ -173,7 +173,7 @@ class BagRun(Following):
         if not (gaps > 0).any():
             raise self.error('it holds fewer than two states with different stamps')
         if (gaps < 0).any():
-            raise self.error('the stamps of its states go back, as when the node is started again, must be of one run')
+            raise self.error('the stamps of its states go back, as when the node was started again; must be one run')
         usual = float(np.median(gaps[gaps > 0]))
         states = np.rint(gaps / usual)
         even = np.abs(gaps / usual - states) < EVEN

@@ -32,7 +32,7 @@ or the tolerance, so --chain, --method and --tolerance say what they are, and --
 
 Exit code 0: equal, or compared with a run that is changed; 1: different bits, or a bag whose positions differ by more \
 than --threshold; 2: the file cannot be read, an option is wrong, or there is a bug."""
-EXAMPLE = 'resimulate run.mcap --set forearm.mass=2 --step 0.0005 --picture parting.png'
+EXAMPLE = 'resimulate run.mcap --set forearm.mass=2 --step 0.0005 --picture deviation.png'
 PICTURES = ('.png', '.svg', '.pdf')
 CHANGES = ('method', 'tolerance', 'step', 'chain', 'set')
 
@@ -47,16 +47,16 @@ def _parser() -> Parser:
     parser.add_argument('log', help='MCAP log of the simulator or of rollout, or a bag: its folder or file')
     parser.add_argument('--method', choices=['auto', *METHODS], metavar='M', help=f'{", ".join(METHODS)}')
     parser.add_argument('--tolerance', type=float, metavar='T', help='bound of the local error of an adaptive method')
-    parser.add_argument('--step', type=float, metavar='S', help='tick, s; a change that comes between two of its ticks '
-                        'acts at the next one')
+    parser.add_argument('--step', type=float, metavar='S', help='tick, s; a change between two ticks acts at the next '
+                        'one')
     parser.add_argument('--chain', metavar='CHAIN', help='another chain file; joints and bodies of the same name get '
                         'the same changes')
     parser.add_argument('--set', action='append', metavar='NAME=VALUE', help='another value of a parameter, as '
                         'forearm.mass=2 or gravity.y=-1.62; can be given several times')
     parser.add_argument('--threshold', type=float, default=1e-3, metavar='D', help='the difference of a position, rad '
                         'or m, that matters (default: 0.001)')
-    parser.add_argument('--picture', metavar='FILE', help='also draw how far the motions part, a new file: its ending, '
-                        '.png, .svg or .pdf, says what it is')
+    parser.add_argument('--picture', metavar='FILE', help='also draw the differences over time into this new file, '
+                        '.png, .svg or .pdf')
     return parser
 
 
@@ -134,8 +134,8 @@ def _compared(options, work: Callable[[], Comparison]) -> Comparison:
 
 def _draw(path: str, compared: Callable[[], Comparison]) -> Comparison:
     """Draw what is compared into a new file, which is opened first, and return it; Mistake."""
+    from ..pictures.deviation import draw_deviation
     from ..pictures.figure import new_picture
-    from ..pictures.parting import draw_parting
     kind = Path(path).suffix.lower()
     if kind not in PICTURES:
         raise Mistake(f'--picture is {clipped(path)!r}, must end in {", ".join(PICTURES)}')
@@ -143,7 +143,7 @@ def _draw(path: str, compared: Callable[[], Comparison]) -> Comparison:
         comparison = compared()
         chain = comparison.run.simulation.chain
         joints = [chain.joints[chain.joint_names.index(name)] for name in comparison.joints]
-        stream.write(draw_parting(joints, *comparison.parting.curve, comparison.parting.threshold, kind[1:]))
+        stream.write(draw_deviation(joints, *comparison.deviation.curve, comparison.deviation.threshold, kind[1:]))
     return comparison
 
 

@@ -7,7 +7,7 @@ from typing import Callable, Optional, Union
 import numpy as np
 
 from .changed_run import changed_simulation, ChangedRun
-from .parting import DECADES, Parting
+from .deviation import DECADES, Deviation
 from ..chain.chain import Chain
 from ..chain.section import clipped, counted
 from ..errors import Mistake
@@ -23,7 +23,7 @@ SHIFT = 1e-9   # rad/s or m/s; how soon it alone shows says how strongly the mot
 @dataclass(frozen=True)
 class Comparison:
     """
-    How a changed run parts from the recorded one. `start`, `end`: the times compared, s.
+    How a changed run differs from the recorded one. `start`, `end`: the times compared, s.
 
     `amplified_from`: when the run that is not changed, with SHIFT added to its velocities at the start, differs from
     itself by more than the threshold, s; None: it does not.
@@ -35,7 +35,7 @@ class Comparison:
     run: ChangedRun
     what: list               # is changed, one text each
     joints: tuple            # that both have
-    parting: Parting
+    deviation: Deviation
     start: float
     end: float
     amplified_from: Optional[float]
@@ -43,7 +43,7 @@ class Comparison:
     @property
     def agrees(self) -> bool:
         """Whether no position differs by more than the threshold before the motion amplifies any difference."""
-        apart = self.parting.apart_from
+        apart = self.deviation.apart_from
         return not self.run.stopped and (apart is None or (
             self.amplified_from is not None and apart >= self.amplified_from))
 
@@ -67,7 +67,7 @@ def compare(recorded: Union[LogFile, Bag], follow: Callable[[Callable[[dict, Cha
     twins = [ChangedRun(own, changed_simulation(own), shift) for shift in (0.0, SHIFT)]
     runs += [changed, *twins]
     mine, theirs = changed.mine, changed.theirs
-    parting = Parting(len(mine), threshold)
+    deviation = Deviation(len(mine), threshold)
     simulation, start, amplified_from = changed.simulation, own.tick * own.step, None
     end, what = start, _changes(own, simulation)
     for tick, message in following.states():
@@ -77,8 +77,8 @@ def compare(recorded: Union[LogFile, Bag], follow: Callable[[Callable[[dict, Cha
         changed.advance_to(tick)
         if changed.stopped:
             break
-        parting.add(time, state.position[theirs], state.velocity[theirs], simulation.position[mine],
-                    simulation.velocity[mine])
+        deviation.add(time, state.position[theirs], state.velocity[theirs], simulation.position[mine],
+                      simulation.velocity[mine])
         end = time
         if twins:
             for twin in twins:
@@ -87,12 +87,12 @@ def compare(recorded: Union[LogFile, Bag], follow: Callable[[Callable[[dict, Cha
                 runs, twins = [changed], []
             elif np.ptp([twin.simulation.position[theirs] for twin in twins], axis=0).max() > threshold:
                 runs, twins, amplified_from = [changed], [], time
-    if parting.close().states == 0 and not changed.stopped:
+    if deviation.close().states == 0 and not changed.stopped:
         raise following.error('it holds no state to compare with')
-    if parting.states == 1 and simulation.step > own.step:
+    if deviation.states == 1 and simulation.step > own.step:
         raise Mistake(f'--step is {simulation.step:g} s, must be shorter than what the log holds')
     joints = tuple(own.chain.joint_names[k] for k in theirs.tolist())
-    return Comparison(recorded, following.notes, own, changed, what, joints, parting, start, end, amplified_from)
+    return Comparison(recorded, following.notes, own, changed, what, joints, deviation, start, end, amplified_from)
 
 
 def _changes(own: Simulation, simulation: Simulation) -> list:
@@ -120,12 +120,12 @@ def report(comparison: Comparison) -> str:
 
 
 def _headlines(comparison: Comparison) -> list:
-    own, run, parting = comparison.own, comparison.run, comparison.parting
+    own, run, deviation = comparison.own, comparison.run, comparison.deviation
     what, simulation = comparison.what, run.simulation
     shown = [*what[:MOST], *([f'{len(what) - MOST} more'] if len(what) > MOST else [])]
     settings = f'method {simulation.method}, ' + (
         f'tolerance {simulation.tolerance:g}, ' if simulation.tolerance else '') + f'step {simulation.step:g} s'
-    lines = [f'{comparison.recorded.path}: {counted(parting.states, "state")} of {own.chain.name}, t = '
+    lines = [f'{comparison.recorded.path}: {counted(deviation.states, "state")} of {own.chain.name}, t = '
              f'{comparison.start:.6g} to {comparison.end:.6g} s, compared with a run by {settings}',
              f'Changed: {"; ".join(shown) or "nothing"}', *comparison.notes]
     if not comparison.recorded.complete:
@@ -138,13 +138,13 @@ def _headlines(comparison: Comparison) -> list:
 
 
 def _table(comparison: Comparison) -> list:
-    parting, chain = comparison.parting, comparison.run.simulation.chain
+    deviation, chain = comparison.deviation, comparison.run.simulation.chain
     kinds = {joint.name: joint.kind for joint in chain.joints}
     rows: list[tuple] = [('joint', 'position: largest', 'RMS', 'velocity: largest', 'RMS',
-                          f'above {parting.threshold:g} from t, s')]
+                          f'above {deviation.threshold:g} from t, s')]
     for k, name in enumerate(comparison.joints):
-        cells = [f'{values[quantity, k]:.3g}' for quantity in range(2) for values in (parting.largest, parting.rms)]
-        apart = parting.apart[k]
+        cells = [f'{values[quantity, k]:.3g}' for quantity in range(2) for values in (deviation.largest, deviation.rms)]
+        apart = deviation.apart[k]
         rows.append((f'{clipped(name)}, {"m" if kinds[name] == "slide" else "rad"}', *cells,
                      'never' if np.isnan(apart) else f'{apart:.6g}'))
     widths = [max(map(len, column)) for column in zip(*rows)]
@@ -153,37 +153,37 @@ def _table(comparison: Comparison) -> list:
 
 
 def _notes(comparison: Comparison) -> list:
-    run, parting, notes = comparison.run, comparison.parting, []
+    run, deviation, notes = comparison.run, comparison.deviation, []
     if run.late:
         notes.append(f'{counted(run.late, "change")} at times that are no tick of {run.simulation.step:g} s acted at '
                      f'the next tick, at most {run.latest:.3g} s later.')
     notes += [f'Left out {counted(count, "time")}: {what}.' for what, count in run.unused.items()]
-    grown = [f'{level:g} from t = {time:.6g} s' for level, time in zip(DECADES, parting.grown) if not np.isnan(time)]
-    if grown and not parting.equal:
+    grown = [f'{level:g} from t = {time:.6g} s' for level, time in zip(DECADES, deviation.grown) if not np.isnan(time)]
+    if grown and not deviation.equal:
         notes.append(f'The largest difference of a position, rad or m, is above {", ".join(grown)}.')
     if comparison.amplified_from is not None:
         notes.append(f'From t = {comparison.amplified_from:.6g} s on this motion amplifies: there, {SHIFT:g} rad/s or '
-                     f'm/s more at the start alone make a difference above {parting.threshold:g} rad or m.')
+                     f'm/s more at the start alone make a difference above {deviation.threshold:g} rad or m.')
     return notes
 
 
 def _answer(comparison: Comparison) -> str:
-    run, parting = comparison.run, comparison.parting
+    run, deviation = comparison.run, comparison.deviation
     no, yes, little = ('No, it does not matter', 'Yes, it matters',
                        'No, it matters no more than a rounding error would') if comparison.what else (
         'It is repeated', 'It is not repeated', 'It is repeated as far as any run can be')
     if run.stopped:
         return f'{yes}: the computed run stops ({run.stopped}).'
-    if parting.equal:
-        return f'{no}: {counted(parting.states, "state")} equal, bit for bit.'
-    k = int(parting.largest[0].argmax())
-    largest = (f'the largest difference of a position is {parting.largest[0, k]:.3g} '
+    if deviation.equal:
+        return f'{no}: {counted(deviation.states, "state")} equal, bit for bit.'
+    k = int(deviation.largest[0].argmax())
+    largest = (f'the largest difference of a position is {deviation.largest[0, k]:.3g} '
                f"{_unit(run, comparison.joints[k])}, joint '{comparison.joints[k]}' at t = "
-               f'{parting.largest_at[0, k]:.6g} s')
-    apart, limit = parting.apart_from, f'{parting.threshold:g} rad or m'
+               f'{deviation.largest_at[0, k]:.6g} s')
+    apart, limit = deviation.apart_from, f'{deviation.threshold:g} rad or m'
     if apart is None:
         return f'{no}: no position differs by more than {limit}; {largest}.'
-    first = comparison.joints[int(np.nanargmin(parting.apart))]
+    first = comparison.joints[int(np.nanargmin(deviation.apart))]
     if comparison.agrees:
         return (f'{little}: positions differ by more than {limit} only from t = {apart:.6g} s on, when the motion '
                 f'amplifies any difference; {largest}.')

@@ -15,7 +15,7 @@ from planar_chain_sim.recording.rollout import main as rollout
 from planar_chain_sim.resimulation import command_line as resimulation
 from planar_chain_sim.resimulation.changed_run import changed_simulation
 from planar_chain_sim.resimulation.comparison import compare, report
-from planar_chain_sim.resimulation.parting import CURVE, Parting
+from planar_chain_sim.resimulation.deviation import CURVE, Deviation
 
 ROBOT = 'four_link_robot.yaml'
 
@@ -72,10 +72,10 @@ def test_a_run_in_which_nothing_is_changed_is_equal_in_every_bit(tmp_path, seed)
         if 'tolerance' in given and simulation.tolerance is None:
             del given['tolerance']
         comparison = changed(path, **given)
-        assert comparison.parting.equal and comparison.parting.states >= 121, (k, given)
-        assert not comparison.parting.largest.any() and np.isnan(comparison.parting.apart).all()
+        assert comparison.deviation.equal and comparison.deviation.states >= 121, (k, given)
+        assert not comparison.deviation.largest.any() and np.isnan(comparison.deviation.apart).all()
         assert report(comparison).splitlines()[-1] == (
-            f'It is repeated: {comparison.parting.states} states equal, bit for bit.')
+            f'It is repeated: {comparison.deviation.states} states equal, bit for bit.')
 
 
 @pytest.mark.parametrize('seed', range(6))
@@ -90,34 +90,34 @@ def test_differences_are_those_of_two_simulations_moved_by_hand(tmp_path, seed):
     common = [tick for tick in range(121) if tick % ratio == 0 or tick / ratio == tick // ratio]
     differences = np.abs(mine[[round(tick / ratio) for tick in common]] - theirs[common])
     comparison = changed(path, method='rk4', step=1e-3 * ratio, threshold=(limit := differences[:, 0].max() / 2))
-    parting = comparison.parting
-    assert parting.states == len(common) and not parting.equal
-    assert parting.largest.tolist() == differences.max(axis=0).tolist()
-    np.testing.assert_allclose(parting.rms, np.sqrt((differences**2).mean(axis=0)), rtol=1e-12)
+    deviation = comparison.deviation
+    assert deviation.states == len(common) and not deviation.equal
+    assert deviation.largest.tolist() == differences.max(axis=0).tolist()
+    np.testing.assert_allclose(deviation.rms, np.sqrt((differences**2).mean(axis=0)), rtol=1e-12)
     beyond = differences[:, 0] > limit
     first = [1e-3 * common[column.argmax()] if column.any() else np.nan for column in beyond.T]
-    np.testing.assert_array_equal(parting.apart, first)
-    assert parting.largest_at[0].tolist() == [1e-3 * common[k] for k in differences[:, 0].argmax(axis=0)]
+    np.testing.assert_array_equal(deviation.apart, first)
+    assert deviation.largest_at[0].tolist() == [1e-3 * common[k] for k in differences[:, 0].argmax(axis=0)]
     assert comparison.run.late == sum(tick % ratio > 0 for tick, kind, _ in plan if kind != NOTHING)
 
 
 def test_differences_of_many_states_are_those_of_numpy():
     """Several blocks, of which the last are equal; a largest difference that comes twice is told of the first time."""
-    rng, parting, states = np.random.default_rng(1), Parting(3, 0.7), 2 * CURVE + 5
+    rng, deviation, states = np.random.default_rng(1), Deviation(3, 0.7), 2 * CURVE + 5
     rows = rng.uniform(0.0, 0.5, (states, 4, 3))
     rows[3000:, 2:] = rows[3000:, :2]
     rows[[10, 2000], :, 1] = [1.0, 2.0, 3.0, 5.0]
     for k, row in enumerate(rows):
-        parting.add(0.5 * k, *row)
-    parting.close()
+        deviation.add(0.5 * k, *row)
+    deviation.close()
     differences = np.abs(rows[:, 2:] - rows[:, :2])
-    assert not parting.equal and parting.states == states
-    assert parting.largest.tolist() == differences.max(axis=0).tolist()
-    assert parting.largest_at.tolist() == (0.5 * differences.argmax(axis=0)).tolist()
-    np.testing.assert_allclose(parting.rms, np.sqrt((differences**2).mean(axis=0)), rtol=1e-12)
-    np.testing.assert_array_equal(parting.apart, [np.nan, 5.0, np.nan])
-    assert parting.apart_from == 5.0 and parting.grown.tolist()[:4] == 4 * [0.0] and parting.grown[4] == 5.0
-    time, curve = parting.curve
+    assert not deviation.equal and deviation.states == states
+    assert deviation.largest.tolist() == differences.max(axis=0).tolist()
+    assert deviation.largest_at.tolist() == (0.5 * differences.argmax(axis=0)).tolist()
+    np.testing.assert_allclose(deviation.rms, np.sqrt((differences**2).mean(axis=0)), rtol=1e-12)
+    np.testing.assert_array_equal(deviation.apart, [np.nan, 5.0, np.nan])
+    assert deviation.apart_from == 5.0 and deviation.grown.tolist()[:4] == 4 * [0.0] and deviation.grown[4] == 5.0
+    time, curve = deviation.curve
     assert len(time) == len(curve) <= CURVE and (np.diff(time) > 0).all() and time[0] == 0.0
     assert curve.max(axis=0).tolist() == differences.max(axis=0).tolist()
     assert not curve[time > 1500.0].any() and curve[time < 1490.0].all()
@@ -158,7 +158,7 @@ def test_another_chain_takes_what_it_has_by_name(tmp_path):
     assert comparison.run.simulation.velocity.tobytes() == mine.velocity.tobytes()
     assert comparison.joints == ('b_joint', 'a_joint')
     parted = abs(mine.position[[1, 2]] - pcs.load_log(path).position[-1, [1, 0]])
-    assert (comparison.parting.largest[0] >= parted).all() and parted.max() > 0.005
+    assert (comparison.deviation.largest[0] >= parted).all() and parted.max() > 0.005
     said = report(comparison)
     assert 'Joints of the changed run alone, which are not compared: c_joint' in said
     assert "Left out 1 time: wrench on the body 'a', which the other chain does not have." in said
@@ -240,7 +240,7 @@ def test_a_picture_of_no_difference_has_the_threshold_alone(swing, tmp_path, cap
 
 @pytest.mark.parametrize('ending', ['.png', '.svg', '.pdf'])
 def test_a_picture_of_how_they_part(swing, tmp_path, capsys, ending):
-    picture = tmp_path / f'parting{ending}'
+    picture = tmp_path / f'deviation{ending}'
     assert resimulation.main([str(swing), '--set', 'gravity.y=-9.8', '--picture', str(picture)]) == 0
     start = picture.read_bytes()[:600]
     assert start.startswith({'.png': b'\x89PNG', '.svg': b'<?xml', '.pdf': b'%PDF'}[ending])

@@ -1,4 +1,4 @@
-"""Parting: how far two motions of the same joints part, joint by joint."""
+"""Deviation: how far two motions of the same joints differ, joint by joint."""
 from __future__ import annotations
 
 from typing import Optional
@@ -10,7 +10,7 @@ CURVE = 2048                            # points of a curve that is kept, at mos
 DECADES = (1e-12, 1e-9, 1e-6, 1e-3, 1.0)   # rad or m
 
 
-class Parting:
+class Deviation:
     """
     Differences of positions and velocities of `joints` joints, as states are added; read after close().
 
@@ -36,7 +36,7 @@ class Parting:
         if len(self._times) == BLOCK:
             self.close()
 
-    def close(self) -> Parting:
+    def close(self) -> Deviation:
         """Evaluate what was added; return self."""
         if not self._times:
             return self
@@ -72,7 +72,7 @@ class Parting:
         return np.array([time for time, _ in self._curve]), np.array([rows for _, rows in self._curve])
 
     def _keep(self, times: np.ndarray, differences: np.ndarray) -> None:
-        """Append to the curve; where it gets too long, put two and two of its points together."""
+        """Append to the curve; if it gets too long, merge its points in pairs."""
         for start in range(0, len(times), self._width):
             self._curve.append((times[start], differences[start:start + self._width].max(axis=0)))
         while len(self._curve) > CURVE:

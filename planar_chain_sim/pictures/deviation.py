@@ -1,4 +1,4 @@
-"""A picture of two motions that part: the differences of their joints against time."""
+"""A picture of how far two motions differ: the differences of their joints against time."""
 from __future__ import annotations
 
 from typing import Sequence
@@ -12,13 +12,13 @@ from ..chain.visual import COLORS
 MOST = 10   # joints that are named
 
 
-def draw_parting(joints: Sequence[Joint], time: np.ndarray, differences: np.ndarray, threshold: float,
-                 kind: str) -> bytes:
+def draw_deviation(joints: Sequence[Joint], time: np.ndarray, differences: np.ndarray, threshold: float,
+                   kind: str) -> bytes:
     """
     Return a picture, 'png', 'svg' or 'pdf', of differences (times, 2, joints) >= 0, on logarithmic axes.
 
-    `time` s; the two rows are positions and velocities; `threshold`, rad or m, is a line among positions. No difference
-    is not drawn. ImportError without matplotlib.
+    `time` s; the two rows are positions and velocities; `threshold`, rad or m, is a line among positions.
+    Differences of 0 are not drawn. ImportError without matplotlib.
     """
     drawn, axes = pyplot_in_style().subplots(2, 1, figsize=(9.0, 5.4), sharex=True, layout='constrained')
     shown = np.where(differences > 0.0, differences, np.nan)
