@@ -21,7 +21,7 @@ from ..recording.message_types import MESSAGE_TYPES
 STATE, STRING, WRENCH = 'sensor_msgs/msg/JointState', 'std_msgs/msg/String', 'geometry_msgs/msg/WrenchStamped'
 BESIDE = {'events': STRING, 'wrench': WRENCH, 'commands': 'std_msgs/msg/Float64MultiArray', 'joint_commands': STATE}
 FINE = 1e-3         # s, to which the times of commands are used where states are further apart
-EVEN, UNEVEN = 0.1, 0.1   # share of the time between states by which stamps may be off; share of stamps that may be more
+EVEN, UNEVEN = 0.1, 0.1   # stamps may be off by this share of the time between states; this share of them by more
 STILL = 1e-12       # of the largest square of a velocity: no motion, which tells no time
 JUMP = 0.2          # share of a motion that the velocity does not explain, at least, where a reset has set the state
 FAR, MOST, LONG = 5, 200, 5   # states between two events that tell how many ticks that takes; events and pairs asked
