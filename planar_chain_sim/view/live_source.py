@@ -23,7 +23,7 @@ PERIOD, HOLDING_PERIOD = 0.05, 0.01   # s between two turns, and while a page ho
 STALE = 2.5     # s without a state after which the page says so; a paused node sends one a second
 SETTINGS = ('gravity', 'damping', 'real_time_factor', 'payload_mass')
 CONTROLS = ('pause', 'step', 'reset', 'effort', 'pull', *SETTINGS)
-PARAMETERS = (*SETTINGS, 'effort_limit', 'payload_body', 'payload_position', 'chain_file', 'hold')
+PARAMETERS = (*SETTINGS, 'effort_limit', 'payload_body', 'payload_position', 'chain_file', 'hold', 'lockstep')
 PLACES, MASSES = 1e-6, 0.01   # relative to max(1, |value|): by what a URDF may differ from its chain file
 
 
@@ -56,7 +56,6 @@ class LiveSource(Source):
         self._state: Optional[State] = None
         self._held: dict[str, float] = {}
         self._pulled: set = set()
-        self._abilities: frozenset = frozenset()
         self._tell_status()
 
     def leave(self, page: Any) -> None:
@@ -91,7 +90,7 @@ class LiveSource(Source):
             self._grips.release(page)
             return
         wanted = action['name'] if do == 'set' else do
-        if chain is None or wanted not in robot.abilities or do == 'set' and wanted not in SETTINGS:
+        if chain is None or wanted not in self._offered() or do == 'set' and wanted not in SETTINGS:
             raise Mistake(f'this robot does not offer {wanted!r:.80}')
         if do == 'effort':
             self._grips.hold(page, chain, action['joint'], action['value'])
@@ -229,6 +228,10 @@ class LiveSource(Source):
                 self._paused = report['message'] == 'paused'
         self._tell_status()
 
+    def _offered(self) -> frozenset:
+        """Return what pages may ask for; in lockstep efforts are answers of a controller to single states."""
+        return self._robot.abilities - ({'effort'} if self._values.get('lockstep') else set())
+
     def _tell_status(self) -> None:
         robot, fault = self._robot, self._fault
         age = monotonic() - robot.last_state
@@ -246,7 +249,7 @@ class LiveSource(Source):
         else:
             sentence = self._said or ('paused' if self._paused else 'running')
         status = {'sentence': sentence, 'fault': bool(fault), 'paused': bool(self._paused), 'name': robot.name,
-                  'can': sorted(robot.abilities & {*CONTROLS}),
+                  'can': sorted(self._offered() & {*CONTROLS}),
                   'values': {name: self._values[name] for name in SETTINGS if name in self._values}}
         if status != self.status:
             self.status = status

@@ -267,6 +267,20 @@ def test_a_robot_that_only_says_what_it_is_and_where(robot):
         node.destroy_publisher(publisher)
 
 
+def test_in_lockstep_efforts_are_those_of_the_controller_alone():
+    async def look(address):
+        async with Page(address) as page:
+            await page.until(lambda arm: {'pull', 'gravity'} <= {*page.status['can']})
+            assert 'effort' not in page.status['can']
+            await page.until(lambda arm: page.refused, 'effort', joint='column_joint', value=1.0)
+            assert page.refused[0] == "this robot does not offer 'effort'"
+    with simulator('__ns:=/answers', lockstep=True) as process, View('--port', '0', '--ros-args', '-r',
+                                                                     '__ns:=/answers') as view:
+        asyncio.run(look(view.address))
+        view.stop()
+        assert process.stop() == 0, process.output
+
+
 ROOT = CONFIG.parent
 
 
