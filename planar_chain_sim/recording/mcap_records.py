@@ -38,6 +38,7 @@ CHUNK = Struct('<QQQII')     # first and last log time, size, check sum, length 
 
 
 def open_mcap(path: Path):
+    """Open an MCAP file for reading, behind its magic bytes; LogError: it is none, or it cannot be read."""
     try:
         if path.exists() and not path.is_file():
             raise LogError(f'log {str(path)!r}: it is no file')
@@ -56,7 +57,7 @@ def frames(file, start: int = len(MAGIC)) -> Iterator[tuple]:
     number, size, read, unpack = file.fileno(), os.fstat(file.fileno()).st_size, os.pread, FRAME.unpack
     while start + FRAME.size <= size:
         head = read(number, FRAME.size, start)
-        if len(head) < FRAME.size:   # somebody has cut the file meanwhile
+        if len(head) < FRAME.size:   # the file has been cut meanwhile
             return
         opcode, length = unpack(head)
         start += FRAME.size
@@ -81,6 +82,7 @@ def payload_of(path: Path, file, start: int, length: int) -> bytes:
 
 
 def parse(path: Path, record_type, payload: bytes):
+    """Return the record of this type of the library mcap that a payload holds; LogError: it is damaged."""
     try:
         return record_type.read(ReadDataStream(io.BytesIO(payload)))
     except (McapError, StructError, ValueError, OverflowError):
@@ -99,7 +101,7 @@ def content_of(path: Path, file, start: int, length: int, check: bool = False) -
 
 
 def beginning_of(file, start: int, length: int, size: int) -> bytes:
-    """Read the first `size` bytes of the records of a chunk, fewer where that is too hard; it is not checked."""
+    """Read the first `size` bytes of the records of a chunk, or fewer; their check sum is not compared."""
     payload = os.pread(file.fileno(), min(length, CHUNK.size + 16 + size), start)
     if len(payload) < CHUNK.size:
         return b''
@@ -119,6 +121,7 @@ def beginning_of(file, start: int, length: int, size: int) -> bytes:
 
 
 def attachment_of(path: Path, payload: bytes) -> records.Attachment:
+    """Return the attachment in the payload of its record; LogError: it is damaged."""
     attachment = parse(path, records.Attachment, payload)
     stored = int.from_bytes(payload[-4:], 'little')
     if stored and stored != crc32(memoryview(payload)[:-4]):
@@ -168,6 +171,7 @@ def read_records(path: Path, where: int, content: bytes, schemas: dict, channels
 
 
 def decompressed(path: Path, where: int, chunk: records.Chunk) -> bytes:
+    """Return the records of the chunk at byte `where`; LogError: they cannot be decompressed or are of another size."""
     size = chunk.uncompressed_size
     try:
         if chunk.compression == '':

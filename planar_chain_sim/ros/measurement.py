@@ -50,7 +50,7 @@ class Meter:
         self._last = simulation.tick, monotonic_ns()
 
     def change(self, simulation, kind: str, data: dict) -> None:
-        """Take over a change from outside, an event: a wrench does work from now on, others begin a new balance."""
+        """Note an event that changes the run: a wrench does work from now on, other kinds begin a new balance."""
         if kind == 'wrench':
             self.balance.push(**data)
         else:

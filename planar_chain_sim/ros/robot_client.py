@@ -26,7 +26,7 @@ from ..recording.cdr import CdrError, decode_joint_state
 from ..recording.events import decode_event
 
 LOOK_PERIOD = 1.0    # s between two looks at the graph
-LAST_WORDS = 1.0     # s that the last message of a publisher has to arrive
+DELIVERY_TIME = 1.0  # s that the last message of a publisher has to arrive
 SERVICES = {'pause': SetBool, 'step': Trigger, 'reset': Trigger}
 UNNAMED = '_NODE_NAME_UNKNOWN_'   # until discovery knows more
 
@@ -41,9 +41,8 @@ class RobotClient:
 
     `wanted`: parameters of the robot's node to be read. `complain(sentence)`: what could not be done.
     description: the newest text of robot_description. name: the full name of the robot's node, '' while unknown;
-    generation: another number when another node, or a new one of the name, has taken its place.
-    parameters: values of `wanted`, {} where the node has them not. last_state: when the newest state came, by
-    monotonic().
+    generation: changes when another node, or a new one of the same name, has taken its place. parameters: values of
+    `wanted`, {} if the node does not have them. last_state: when the newest state came, s of monotonic().
     """
 
     def __init__(self, node, wanted: Sequence[str], complain: Callable[[str], None]):
@@ -194,7 +193,7 @@ class RobotClient:
         """Call 'pause' (with a flag), 'step' or 'reset'."""
         client = self._clients.get(service)
         if client is None or not client.service_is_ready():
-            self._complain(f'{self._topic(f"~/{service}")} is no service of this robot')
+            self._complain(f'this robot has no service {self._topic(f"~/{service}")}')
             return
         request = client.srv_type.Request(**({'data': data[0]} if data else {}))
         client.call_async(request).add_done_callback(lambda future: self._answered(service, future))
@@ -227,13 +226,13 @@ class RobotClient:
         """
         Publish efforts by joint, N m or N; to be repeated, with a 0 for each joint at the end.
 
-        `last`: nothing more will follow, and the publisher goes: the node then notices when the last one who commands
+        `last`: nothing more will follow, and the publisher is removed, so that the node notices when its last controller
         has gone.
         """
         if self._commands is None:
             self._commands = self._node.create_publisher(JointState, self._topic(COMMANDS['joint_commands'].name), 10)
         self._commands.publish(JointState(name=[*efforts], effort=[*efforts.values()]))
-        self._silent = monotonic() + LAST_WORDS if last else 0.0
+        self._silent = monotonic() + DELIVERY_TIME if last else 0.0
 
     def push(self, body: str, force: complex = 0j, moment: float = 0.0) -> None:
         """Publish a wrench on a body, in its axes, N and N m."""
@@ -245,10 +244,10 @@ class RobotClient:
         self._wrenches.publish(message)
 
     def close(self) -> None:
-        """Wait until the robot has what was published, and let go of everything."""
+        """Wait until the robot has received what was published, then shut the executor down."""
         for publisher in (self._commands, self._wrenches):
             if publisher is not None:
-                publisher.wait_for_all_acked(Duration(seconds=LAST_WORDS))
+                publisher.wait_for_all_acked(Duration(seconds=DELIVERY_TIME))
         self._executor.shutdown()
 
 

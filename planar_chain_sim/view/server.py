@@ -25,7 +25,7 @@ LOOPBACK = ('127.0.0.1', 'localhost', '::1')
 MOST_PAGES = 64
 LONGEST = 4096          # bytes that a page may send at once
 QUIET = 30.0            # s between two signs of life
-LAST_WORDS = 1.0        # s that a page has to close its connection
+CLOSING_TIME = 1.0      # s that a page has to close its connection
 PAIR = 'list of two numbers'
 ACTIONS: Mapping[str, Mapping[str, str]] = {
     'frame': {}, 'pause': {'value': 'boolean'}, 'step': {}, 'reset': {}, 'release': {},
@@ -67,7 +67,7 @@ class Server:
         app.router.add_get('/{path:.*}', self._answer)
         self._runner = web.AppRunner(app, access_log=None, logger=LOGGER, handle_signals=False)
         await self._runner.setup()
-        await web.TCPSite(self._runner, self._host, self._port, shutdown_timeout=LAST_WORDS).start()
+        await web.TCPSite(self._runner, self._host, self._port, shutdown_timeout=CLOSING_TIME).start()
         self._port = self._runner.addresses[0][1]
 
     async def stop(self) -> None:
@@ -126,7 +126,7 @@ class Server:
             raise web.HTTPForbidden(text='A request without an Origin is not from the page.\n')
         if len(self._pages) >= MOST_PAGES:
             raise web.HTTPServiceUnavailable(text=f'{MOST_PAGES} pages are open already.\n')
-        page = web.WebSocketResponse(max_msg_size=LONGEST, heartbeat=QUIET, timeout=LAST_WORDS, compress=False)
+        page = web.WebSocketResponse(max_msg_size=LONGEST, heartbeat=QUIET, timeout=CLOSING_TIME, compress=False)
         await page.prepare(request)
         self._pages.add(page)
         told = _Told(self._source)
