@@ -97,8 +97,9 @@ class Section:
             return default
         if isinstance(value, str) and value and value.isprintable():
             return value
-        quotes = ' (in quotes if it looks like a number)' if isinstance(value, (int, float)) else ''
-        self.fail(key, f'is {shown(value)}, must be {wanted}{quotes}')
+        how = (' (in quotes if it looks like a number)' if isinstance(value, (int, float)) else
+               ' of printable characters' if isinstance(value, str) and value else '')
+        self.fail(key, f'is {shown(value)}, must be {wanted}{how}')
 
     def section(self, key) -> Optional[Section]:
         """Return the mapping under `key` as a section of its own, None where the key is absent."""

@@ -433,9 +433,6 @@ class Simulation:
             if not self._row.adaptive or not _is_number(time) or not 0.0 <= time < MOST_TICKS * self.step:
                 raise
             tick, between = int(time / self.step), float(time)
-        if tick > MOST_TICKS:
-            raise ValueError(f'{name} is {time!r} s, must be at most {MOST_TICKS * self.step!r} s: '
-                             'no more ticks can be counted')
         return tick, between
 
     def checkpoint(self) -> Checkpoint:
@@ -524,4 +521,7 @@ def whole_ticks(duration: float, step: float, name: str = 'duration') -> int:
     ticks = round(ratio) if isfinite(ratio) else -1
     if ticks < 0 or abs(ticks * step - duration) > 1e-9 * step + 4.0 * spacing:
         raise ValueError(f'{name} is {duration!r} s, must be a whole number >= 0 of steps of {step!r} s')
+    if ticks > MOST_TICKS:
+        raise ValueError(f'{name} is {duration!r} s, must be at most {MOST_TICKS * step!r} s: '
+                         f'no more ticks of {step!r} s can be counted')
     return ticks

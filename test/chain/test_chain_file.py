@@ -68,7 +68,7 @@ MISTAKES = [
     ('name: forearm', 'angle: 0', 12, "bodies[1] key 'name' is missing, must be the name of the body, a string"),
     ('name: forearm', 'name: ""', 12, "body '' key 'name' is '', must be the name of the body, a string"),
     ('name: forearm', 'name: "a\\nb"', 12,
-     "body 'a\\nb' key 'name' is 'a\\nb', must be the name of the body, a string"),
+     "body 'a\\nb' key 'name' is 'a\\nb', must be the name of the body, a string of printable characters"),
     ('carrier: base', 'carrier: forearm', 5,
      f"body 'upper' key 'carrier' is 'forearm', a body that comes later, {AN_EARLIER}"),
     ('carrier: base', 'carrier: upper', 5, f"body 'upper' key 'carrier' is 'upper', the body itself, {AN_EARLIER}"),

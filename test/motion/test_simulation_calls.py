@@ -71,6 +71,10 @@ def test_whole_ticks_forgives_rounding_and_nothing_else():
     for duration in (1e-3 * (1 + 1e-6), 1e7 + 2e-8):
         with pytest.raises(ValueError, match='must be a whole number >= 0 of steps of 0.001 s'):
             whole_ticks(duration, 1e-3)
+    assert whole_ticks(2.0**53 * 0.25, 0.25) == 2**53
+    for duration, step in ((2.0**52, 0.25), (0.1, 1e-308), (np.float32(0.5), 2.0**-60)):
+        with pytest.raises(ValueError, match=f'must be at most .* s: no more ticks of {step} s can be counted'):
+            whole_ticks(duration, step)
 
 
 def test_records_and_checkpoints_that_do_not_fit_are_refused():

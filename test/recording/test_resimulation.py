@@ -169,6 +169,7 @@ def test_logs_that_cannot_be_followed_exit_2_with_one_sentence(log, tmp_path, ca
     ([ROBOT, '--effort', '1,2,3,nan,5'], '[3] is nan, must be finite'),
     ([ROBOT, '--effort', 'missing.csv'], "--effort 'missing.csv'"),
     ([ROBOT, '--duration', '0.00001'], 'must be a whole number >= 0 of steps'),
+    ([ROBOT, '--duration', '0.1', '--step', '1e-308'], 'no more ticks of 1e-308 s can be counted'),
     ([ROBOT, '--duration', 'nan'], 'duration is nan'),
     ([ROBOT, '--step', '0'], 'step is 0.0, must be a positive'),
     ([ROBOT, '--method', 'rk5'], 'rk5'),
