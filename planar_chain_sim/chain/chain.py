@@ -73,7 +73,7 @@ class Chain(Tree):
         return build_chain(changed_data(self, values), '')
 
     def __getstate__(self) -> dict:
-        # All else that is kept with a chain can be computed again. Another thread may add it now, so copy() comes first.
+        # All else that is kept with a chain can be computed again. Another thread may add it now: copy() comes first.
         return {key: value for key, value in self.__dict__.copy().items()
                 if key in ('name', 'gravity', 'bodies', '_given', '_text', *PASSED)}
 

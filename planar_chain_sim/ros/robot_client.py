@@ -226,8 +226,8 @@ class RobotClient:
         """
         Publish efforts by joint, N m or N; to be repeated, with a 0 for each joint at the end.
 
-        `last`: nothing more will follow, and the publisher is removed, so that the node notices when its last controller
-        has gone.
+        `last`: nothing more will follow, and the publisher is removed, so that the node notices when its last
+        controller has gone.
         """
         if self._commands is None:
             self._commands = self._node.create_publisher(JointState, self._topic(COMMANDS['joint_commands'].name), 10)
