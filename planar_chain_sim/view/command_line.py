@@ -19,6 +19,7 @@ MAGIC = b'\x89MCAP'     # at the beginning of a log
 BESIDE = '--beside'
 NICE = 5
 PARENT_PERIOD = 0.2   # s between two checks that the simulator still runs
+PARENT_GRACE = 10.0  # s after Ctrl-C that the simulator beside has to end
 DESCRIPTION = """\
 Show an arm in the browser, move it with the mouse, and see its motion, energy and events.
 
@@ -155,6 +156,8 @@ async def _serve(server_class: Any, source: Source, place: Place, parent: Option
     for number in STOP_SIGNALS:
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
             loop.add_signal_handler(number, stopped.set)
+    if parent is not None:   # Ctrl-C ends both: the robot leaves first, as Fast DDS may hang if two leave at once
+        loop.add_signal_handler(signal.SIGINT, loop.call_later, PARENT_GRACE, stopped.set)
 
     def fail(error: BaseException) -> None:
         errors.append(error)
