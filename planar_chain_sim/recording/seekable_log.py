@@ -149,7 +149,7 @@ class SeekableLog:
         rows = self._rows[max(self._bisect(first, after=False) - 1, 0):self._bisect(last, after=True)]
         exact = len(rows) <= EXACT_CHUNKS and int(self._index.length[rows].sum()) <= EXACT_SIZE
         width = max(-(-(last - first + 1) // count), 1)   # ticks in a row
-        shape = ((last - first) // width + 1, 3, self.chain.joint_count)
+        shape = (max((last - first) // width + 1, 0), 3, self.chain.joint_count)
         low, high, filled = np.full(shape, np.inf), np.full(shape, -np.inf), np.zeros(shape[0], bool)
         if not exact:
             rows = [rows[k] for k in np.unique(np.linspace(0, len(rows) - 1, count).astype(int)).tolist()]

@@ -130,6 +130,8 @@ def test_series_has_the_least_and_the_greatest_values(kind, monkeypatch):
                 # Positions and velocities before a change at the tick count too: they lie between.
                 assert (series.low[0, k] <= whole.position[rows].min(axis=0)).all()
                 assert (series.high[1, k] >= whole.velocity[rows].max(axis=0)).all()
+        for begin, end in ((2.0, 1.999), (2.0, 1.0), (3.0, 0.0), (9.0, -9.0)):   # from the end to the beginning
+            assert log.series(begin, end, 5).low.shape == (3, 0, whole.position.shape[1])
         exact = log.series(0.0, 3.0, 50)
         monkeypatch.setattr(seekable_log, 'EXACT_CHUNKS', 0)
         sampled = log.series(0.0, 3.0, 50)
