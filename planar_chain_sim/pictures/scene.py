@@ -21,6 +21,7 @@ LEAST = 200               # px, of either side: the time and the width of the gr
 AWAY = -1000.0 - 1000.0j  # px: out of the picture
 FORCE = 0.18              # length of the largest force, of the wider side
 FAR = 4.0                 # times its own size: an arm that goes further is followed
+MOST_LINES = 20_000       # of the grid in one direction, over all that is seen
 
 
 class Stroke(NamedTuple):
@@ -142,6 +143,8 @@ class Scene:
         right, floor = self.width - self.shift.real.min(), self.height - self.shift.imag.min()
         low, high = (self._corner + complex(x, self.height - y) / self.scale for x, y in ((left, floor), (right, top)))
         strokes = []
+        if not max((high - low).real, (high - low).imag) < MOST_LINES * step:   # the arm passes all too fast to be seen
+            low = high = 0.5j * step - 0.5 * step   # no line
         for k in range(int(np.ceil(low.real / step)), int(np.floor(high.real / step)) + 1):
             x = self.px(np.array(k * step + 0j)).real
             strokes.append(Stroke('grid', 1.0, np.array([[x + 1j * top, x + 1j * floor]])))

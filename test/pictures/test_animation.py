@@ -195,6 +195,15 @@ def test_an_arm_that_goes_far_is_followed():
     assert len(file.getvalue()) < 200_000
 
 
+@pytest.mark.parametrize('far', [1e7, 1e300])
+def test_an_arm_that_goes_too_far_has_no_grid(far):
+    """Of which millions of lines would be needed, and none be seen."""
+    chain = pcs.load_chain('arczewski_example.yaml')
+    position = np.linspace(0.0, 1.0, 9)[:, None] * [far, 0.0, 0.0, 0.0, 0.0]
+    strokes = Scene(chain, position, Look()).behind
+    assert strokes and not [stroke for stroke in strokes if stroke.color == 'grid']
+
+
 def test_a_log_and_its_chain_give_one_picture(tmp_path, monkeypatch, capsys):
     """And a part of the log is that part of the picture."""
     monkeypatch.chdir(tmp_path)
