@@ -54,7 +54,7 @@ def _parser() -> Parser:
 
 def _animate(arguments) -> int:
     options = _parser().parse_args(arguments)
-    path = options.output or f'{Path(options.source).stem}.gif'
+    path = f'{Path(options.source).stem}.gif' if options.output is None else options.output
     kind = Path(path).suffix.lower()
     if kind not in KINDS:
         raise Mistake(f'--output is {clipped(path)!r}, must end in {", ".join(KINDS)}')
@@ -78,6 +78,8 @@ def _animate(arguments) -> int:
             write_mp4(scene, path, bar.update)
         else:
             {'.gif': write_gif, '.svg': write_svg, '.html': write_html}[kind](scene, stream, bar.update)
+    if options.duration is not None:
+        source.say_what_is_missing(None, look.start + options.duration)
     print_line(f'{path}: {Path(path).stat().st_size / 1000:.0f} kB')
     return 0
 

@@ -47,7 +47,7 @@ def _parser() -> Parser:
 
 def _plot(arguments) -> int:
     options = _parser().parse_args(arguments)
-    path = options.output or f'{Path(options.source[0]).stem}.png'
+    path = f'{Path(options.source[0]).stem}.png' if options.output is None else options.output
     kind = Path(path).suffix.lower()
     if kind not in KINDS:
         raise Mistake(f'--output is {clipped(path)!r}, must end in {", ".join(KINDS)}')
@@ -71,6 +71,8 @@ def _plot(arguments) -> int:
     _say_what_is_not_compared(sources, joints)
     with new_picture(path) as stream:
         stream.write(draw(sources, traces, what or _all_there_is(sources), joints, kind[1:]))
+    for each in sources:
+        each.say_what_is_missing(options.start, options.end)
     print_line(f'{path}: {Path(path).stat().st_size / 1000:.0f} kB')
     return 0
 

@@ -49,6 +49,12 @@ class Source:
         return replace(self, time=self.time[rows], position=self.position[rows], velocity=self.velocity[rows],
                        effort=self.effort[moves])
 
+    def say_what_is_missing(self, start: Optional[float], end: Optional[float]) -> None:
+        """Warn in one sentence if a part from `start` to `end` was asked for, s, and this is less; None: no bound."""
+        first, last, slack = self.time[0], self.time[-1], 1.5 * self.step
+        if start is not None and start < first - slack or end is not None and end > last + slack:
+            warn(f'{self.name!r} holds no more than is drawn, {first:g} to {last:g} s', RuntimeWarning, stacklevel=2)
+
 
 def is_log(path: str) -> bool:
     """Whether the path is that of a log."""

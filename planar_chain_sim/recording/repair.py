@@ -6,6 +6,7 @@ cut which are whole for certain. A log with a gap could not be computed again.
 """
 from __future__ import annotations
 
+import errno
 from pathlib import Path
 import sys
 from typing import Any, Callable, NamedTuple, Optional
@@ -25,6 +26,9 @@ try:
     from .mcap_file import McapFile
 except ImportError:
     pass   # repair_log() says so in words
+
+
+FULL = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)   # of a write
 
 
 class Repaired(NamedTuple):
@@ -77,8 +81,10 @@ def _written(torn: TornLog, output: Path) -> Found:
             found = torn.found()
             writing.finish(output.name)
         return found
-    except BaseException:
+    except BaseException as error:
         output.unlink()
+        if isinstance(error, OSError) and error.errno in FULL:
+            raise LogError(f'log {str(output)!r}: it cannot be written ({error.strerror})') from None
         raise
 
 
@@ -141,7 +147,8 @@ def _repair_file(arguments) -> int:
                         '.repaired.mcap)')
     options = parser.parse_args(arguments)
     path = Path(options.log)
-    output = options.output or path.parent / f'{path.name.removesuffix(".mcap")}.repaired.mcap'
+    beside = path.parent / f'{path.name.removesuffix(".mcap")}.repaired.mcap'
+    output = beside if options.output is None else options.output
     from tqdm import tqdm  # the progress bar; not needed where repair_log is a function
     with tqdm(unit='B', unit_scale=True, disable=None, leave=False, delay=1.0) as bar:
         found, written = repair_log(path, output, bar.update)

@@ -1,6 +1,7 @@
 """rollout: simulates a chain, with efforts if wanted, into an MCAP log; without ROS, as fast as the machine allows."""
 from __future__ import annotations
 
+from math import inf
 from pathlib import Path
 import sys
 from time import perf_counter
@@ -60,7 +61,7 @@ def _rollout_to_file(arguments) -> int:
     simulation = _simulation(options, chain)
     effort = None if options.effort is None else read_efforts(options.effort, chain)
     ticks, effort = _ticks(options, simulation.step, effort)
-    path = options.output or f'{Path(options.chain).stem}.mcap'
+    path = f'{Path(options.chain).stem}.mcap' if options.output is None else options.output
     from tqdm import tqdm  # the progress bar; not needed where rollout is a function
     print_line(f'{chain.name}: {simulation.plan}')
     began = perf_counter()
@@ -112,13 +113,15 @@ def _simulation(options, chain) -> Simulation:
 def _ticks(options, step: float, effort) -> tuple:
     """Return the number of ticks, and efforts as roll_to_log takes them; Mistake."""
     table = effort if isinstance(effort, Efforts) else None
+    duration = 10.0 if options.duration is None else options.duration
     try:
-        ticks = table.ticks(step) if table and options.duration is None else whole_ticks(
-            10.0 if options.duration is None else options.duration, step)
+        if not LONGEST <= duration < inf:
+            ticks = table.ticks(step) if table and options.duration is None else whole_ticks(duration, step)
+            duration = ticks * step
     except ValueError as error:
         raise Mistake(f'--{error}') from None
-    if not ticks * step < LONGEST:
-        raise Mistake(f'--duration is {ticks * step:g} s, must be below {LONGEST:g} s, the limit of ROS time stamps')
+    if not duration < LONGEST:
+        raise Mistake(f'--duration is {duration:g} s, must be below {LONGEST:g} s, the limit of ROS time stamps')
     if table is None:
         return ticks, effort
     rows = table.by_tick(ticks, step, f'--effort {clipped(options.effort, 200)!r}')

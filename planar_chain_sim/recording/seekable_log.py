@@ -189,7 +189,7 @@ class SeekableLog:
                 return self._cache[row]
             index, size = self._index, int(self._index.length[row])
             start = int(index.start[row])
-            content = content_of(self.path, self._file, start, size)
+            content = content_of(self.path, self._file, start, size, check=True)
             chunk = self._cache[row] = self._decoded(content, read_records(self.path, start, content, {},
                                                                            index.channels))
             if self._states[row] and not len(chunk.tick):

@@ -20,6 +20,7 @@ SIGINT and SIGTERM end it with exit code 0. A mistake ends it with one sentence 
 EXAMPLE = 'replay run.mcap --what states --speed 0.5 --loop --ros-args -r joint_states:=ghost/joint_states'
 
 KEYS = 'keys: space pauses and goes on; s or the right arrow publishes the next message while paused'
+HINT_PERIOD = 5.0   # s between two hints which keys there are
 LOOK_PERIOD = 0.02  # s between two looks for listeners, at the keys and for a stop; the shortest loop
 CLOCK_PERIOD = 0.025   # s, wall time between two messages on /clock, at most
 LONGEST = 1e9       # s that a pass may take
@@ -190,6 +191,7 @@ class Playback:
         self._first = self._time = self._next = 0   # log times, ns: first message; at `since`; of what is due next
         self._since = 0.0   # s of the steady clock
         self._paused, self._steps = False, 0
+        self._hinted = -HINT_PERIOD   # s of the steady clock
 
     def play(self) -> bool:
         """Publish once through, each message when it is due; return whether we are to stop."""
@@ -247,7 +249,8 @@ class Playback:
                 self._say('paused at' if self._paused else 'goes on from')
             elif self._paused and key in ('s', ARROW_RIGHT):
                 self._steps += 1
-            else:
+            elif monotonic() - self._hinted > HINT_PERIOD:
+                self._hinted = monotonic()
                 self._logger.info(KEYS)
         return not self._stop.empty()
 

@@ -100,9 +100,9 @@ def _source(options: Any) -> Source:
 def _is_log(path: str) -> bool:
     try:
         with open(path, 'rb') as stream:
-            return stream.read(len(MAGIC)) == MAGIC
+            return path.endswith('.mcap') or stream.read(len(MAGIC)) == MAGIC   # reading it will say what is wrong
     except OSError:
-        return path.endswith('.mcap')   # reading it will say what is wrong
+        return path.endswith('.mcap')
 
 
 def remappings(arguments: Sequence[str]) -> list:

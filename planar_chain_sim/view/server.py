@@ -266,4 +266,4 @@ def _value(key: str, value: Any, wanted: str) -> Any:
 
 
 def _is_number(value: Any) -> bool:
-    return type(value) in (int, float) and abs(value) < 1e300 and isfinite(value)
+    return type(value) in (int, float) and abs(value) < 1e100 and isfinite(value)

@@ -107,6 +107,13 @@ def test_what_cannot_be_compared_is_said(drawn, capsys):
                                        'be compared, as not all files have such a joint\n')
 
 
+def test_a_time_that_a_log_does_not_hold_is_said(drawn, capsys):
+    drawn('one.mcap', '--from', '0', '--to', '0.5')
+    assert capsys.readouterr().err == ''
+    drawn('one.mcap', '--to', '99')
+    assert "warning: 'one.mcap' holds no more than is drawn, 0 to 0.5 s" in capsys.readouterr().err
+
+
 def test_events_are_marked(drawn):
     axes, _ = drawn('changed.mcap')
     marked = {line.get_xdata()[0] for line in axes['rotations: velocity, rad/s'].lines[4:]}
@@ -210,6 +217,7 @@ def test_odd_names_are_drawn_as_they_are(tmp_path, monkeypatch):
     (['--from', 'nan'], '--from is nan, must be a number of seconds'),
     (['--from', '3', '--to', '2'], '--from is 3 s, must be below --to, 2 s'),
     (['--from', '7'], "'one.mcap' has no motion in this time, it holds 0 to 0.5 s"),
+    (['--output', ''], "--output is '', must end in .png, .svg, .pdf"),
     (['--output', 'one.gif'], "--output is 'one.gif', must end in .png, .svg, .pdf"),
     (['--output', 'one.mcap'], "--output is 'one.mcap', must end in"),
     (['--output', 'nowhere/one.png'], "'nowhere/one.png': No such file or directory"),

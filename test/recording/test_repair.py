@@ -285,3 +285,18 @@ def test_rosbags_reads_what_was_repaired(tmp_path, whole):
         read = [(connection.topic, log_time, bytes(data)) for connection, log_time, data in reader.messages()]
         assert read == [(message.topic, message.log_time, message.data) for message in messages]
         assert sum(connection.msgcount for connection in reader.connections) == len(messages)
+
+
+def test_a_full_disk_is_blamed_for_the_new_file(tmp_path, whole):
+    """With a limit on the size of files, as a full disk would have it."""
+    torn = tmp_path / 'torn.mcap'
+    torn.write_bytes(whole[0].read_bytes()[:-100])
+    limit = torn.stat().st_size // 2
+    program = (f'import resource, signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN); '
+               f'resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit})); '
+               f'from planar_chain_sim.recording.repair import main; raise SystemExit(main(["torn.mcap"]))')
+    run = subprocess.run([sys.executable, '-c', program], cwd=tmp_path, capture_output=True, text=True,
+                         env={**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)})
+    assert (run.returncode, run.stderr) == (
+        2, "repair: log 'torn.repaired.mcap': it cannot be written (File too large)\n")
+    assert [each.name for each in tmp_path.iterdir()] == ['torn.mcap']

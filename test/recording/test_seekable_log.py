@@ -237,6 +237,17 @@ def small_log(request, tmp_path_factory):
     return rechunked(folder / 'run.mcap', folder / 'copy.mcap', 5, 0, request.param).read_bytes()
 
 
+def test_a_chunk_whose_bytes_have_changed_is_not_shown(tmp_path, path):
+    data = bytearray(path.read_bytes())
+    index = read_index(path)
+    middle = int(index.start[0] + index.length[0] // 2)
+    data[middle] ^= 0x40
+    (tmp_path / 'changed.mcap').write_bytes(data)
+    with SeekableLog(tmp_path / 'changed.mcap') as log:
+        with pytest.raises(pcs.LogError, match='changed.mcap.*the chunk at byte .* does not match its check sum'):
+            log.state_at(log.first_time)
+
+
 def test_files_that_are_no_logs(tmp_path, path):
     os.mkfifo(tmp_path / 'pipe')
     (tmp_path / 'empty').touch()
