@@ -46,7 +46,7 @@ help:
 	@echo 'make soak     long tests: scenes, signals, floods, ten minutes under load'
 	@echo 'make fuzz, make races, make aarch64    the kernel under memory and thread sanitizers, on ARM'
 	@echo 'make clean    remove .venv and all that was built'
-	@echo 'The first run, test or bench makes .venv: a download of 250 MB (400 MB for tests) and a compilation.'
+	@echo 'The first run, test or bench makes .venv: a download of 160 MB (400 MB for tests) and a compilation.'
 	@echo 'PYTHON=python3.12 and CXX=clang++ choose the tools of a new .venv.'
 
 check: $(CHECK_READY)
@@ -142,7 +142,7 @@ define set_up
 	    'or name one with PYTHON=/path/to/python3' >&2; exit 1 ;; \
 	  *) $$python -m venv --clear $(VENV) ;; \
 	esac
-	@echo 'setting up $(VENV), once: 250 MB or more to download, and a minute or two of compiling ...' >&2
+	@echo 'setting up $(VENV), once: 160 MB or more to download, and a minute or two of compiling ...' >&2
 	$(PIP) $(BUILD_TOOLS)
 	$(PIP) --no-build-isolation --editable '.[$(1)]'
 endef

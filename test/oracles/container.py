@@ -1,7 +1,8 @@
-"""The container of a log, checked by the mcap library and in all that `mcap doctor` looks at."""
+"""The container of a log: checked by the mcap library and in all that `mcap doctor` looks at; and its damage."""
 import struct
 import zlib
 
+from hypothesis import strategies as st
 import lz4.frame
 from mcap import records
 from mcap.reader import make_reader
@@ -105,3 +106,13 @@ def check_chunk(file, index):
     assert (min(log_times), max(log_times)) == (index.message_start_time, index.message_end_time) == (
         chunk.message_start_time, chunk.message_end_time)
     return log_times
+
+
+def drawn_damage(draw, log):
+    """Return the bytes of a log with one to four others in them, perhaps cut short; `draw` is that of hypothesis."""
+    damaged = bytearray(log)
+    for _ in range(draw(st.integers(1, 4))):
+        place = draw(st.integers(0, len(damaged) - 1))
+        damaged[place] = draw(st.integers(0, 255))
+    del damaged[draw(st.one_of(st.just(len(damaged)), st.integers(0, len(damaged)))):]
+    return damaged

@@ -8,6 +8,7 @@ import sys
 from hypothesis import given, settings, strategies as st
 from mcap.reader import make_reader
 import numpy as np
+from oracles.container import drawn_damage
 from oracles.work import lines_run
 import pytest
 
@@ -209,11 +210,7 @@ def check_cut_short(path, small):
 @settings(max_examples=150, deadline=2000)   # ms: no damage may make reading slow
 @given(data=st.data())
 def test_any_damage_is_read_or_refused(tmp_path_factory, small_log, data):
-    damaged = bytearray(small_log)
-    for _ in range(data.draw(st.integers(1, 4))):
-        place = data.draw(st.integers(0, len(damaged) - 1))
-        damaged[place] = data.draw(st.integers(0, 255))
-    del damaged[data.draw(st.one_of(st.just(len(damaged)), st.integers(0, len(damaged)))):]
+    damaged = drawn_damage(data.draw, small_log)
     path = tmp_path_factory.getbasetemp() / 'damaged.mcap'
     path.write_bytes(damaged)
     try:
